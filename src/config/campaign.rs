@@ -266,15 +266,69 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
         let finding = Finding::error(at.clone(), "the levels of intensity have no unit");
         findings.push(finding.help("for example unit = \"g\""));
     }
+    check_components(at, records, has_levels, findings);
     let of_sa = [
-        ("period_s", records.period_s),
-        ("damping_ratio", records.damping_ratio),
+        ("period_s", records.period_s, Intensity::Pga),
+        ("damping_ratio", records.damping_ratio, Intensity::Pga),
     ];
-    for (key, _) in of_sa.iter().filter(|(_, value)| value.is_some()) {
-        if records.intensity == Intensity::Pga {
-            let text = format!("`{key}` needs `intensity = \"sa\"`");
+    for (key, value, without) in of_sa {
+        let is_fixed = key == "damping_ratio" && records.intensity.of_pair().is_some();
+        if value.is_some() && (records.intensity == without || is_fixed) {
+            let text = match is_fixed {
+                true => format!(
+                    "`{key}` has no effect: the measures of two components have 5 % damping"
+                ),
+                false => format!("`{key}` needs `intensity = \"sa\"`"),
+            };
             findings.push(Finding::error(at.key(key), text).at_key());
         }
+    }
+}
+
+/// Pairs of files, and the measure of intensity of two components.
+fn check_components(
+    at: &KeyPath,
+    records: &RecordsTable,
+    has_levels: bool,
+    findings: &mut Vec<Finding>,
+) {
+    let of_pair = "\"geometric_mean\", \"rotd50\" or \"rotd100\"";
+    let Some(components) = &records.components else {
+        if records.intensity.of_pair().is_some() {
+            let text = "this measure of intensity needs `components`: it is that of two components";
+            findings.push(Finding::error(at.key("intensity"), text));
+        }
+        return;
+    };
+    for (key, is_given) in [
+        ("folder", records.folder.is_none()),
+        ("pattern", records.pattern.is_some()),
+    ] {
+        if is_given {
+            let text = match key {
+                "folder" => "`components` needs `folder`",
+                _ => "`components` and `pattern` both choose files of the folder: give one of them",
+            };
+            findings.push(Finding::error(at.key("components"), text).at_key());
+        }
+    }
+    for (index, pattern) in components.iter().enumerate() {
+        if pattern.matches('*').count() != 1 || pattern.contains('?') {
+            let at = at.key("components").index(index);
+            let text = format!("{pattern:?} must have exactly one `*`, and no `?`");
+            let help = "`*` fits the letters that both names share: components = [\"*H1.AT2\", \"*H2.AT2\"]";
+            findings.push(Finding::error(at, text).help(help));
+        }
+    }
+    if components[0].eq_ignore_ascii_case(&components[1]) {
+        let text = "both components are the same file";
+        findings.push(Finding::error(at.key("components"), text));
+    }
+    if has_levels && records.intensity.of_pair().is_none() {
+        let text = "the levels of two components need a measure of both";
+        let finding =
+            Finding::error(at.clone(), text).label("`intensity` is that of one component");
+        findings.push(finding.help(format!("use intensity = {of_pair}")));
     }
 }
 

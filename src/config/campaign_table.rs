@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::certificate::UncertaintyTable;
 use gusset_motion::Unit;
+use gusset_motion::metrics::pair::PairMeasure;
 
 /// Most values of one range, and most motions of one table.
 pub(super) const MOST_VALUES: usize = 100_000;
@@ -186,6 +187,10 @@ pub struct RecordsTable {
     /// Names of the files of `folder` that are read: `*` fits any letters, `?` one letter. Upper and lower case are alike.
     #[schemars(example = &"*.AT2")]
     pub pattern: Option<String>,
+    /// Names of the two horizontal components of each record in `folder`, instead of `pattern`. `*` fits the
+    /// letters that both share. The files go to the first and the second component of the test.
+    #[schemars(example = ["*H1.AT2", "*H2.AT2"])]
+    pub components: Option<[String; 2]>,
     /// Records, relative to the study.
     #[schemars(example = ["elcentro.at2", "kobe.at2"])]
     pub files: Option<Vec<String>>,
@@ -205,7 +210,7 @@ pub struct RecordsTable {
     pub linear: Option<SpanTable>,
     /// Levels with equal ratios.
     pub log: Option<SpanTable>,
-    /// Period for `intensity = "sa"`. Default: the first period of the structure.
+    /// Period of a spectral acceleration. Default: the first period of the structure.
     #[schemars(example = 0.5)]
     pub period_s: Option<f64>,
     /// Damping ratio for `intensity = "sa"`. Default: 0.05.
@@ -237,6 +242,27 @@ pub enum Intensity {
     Pga,
     /// Pseudo-spectral acceleration at one period.
     Sa,
+    /// Geometric mean of the spectral accelerations of two components, at one period and 5 % damping.
+    GeometricMean,
+    /// Median of the spectral acceleration of two components over all horizontal directions.
+    #[serde(rename = "rotd50")]
+    RotD50,
+    /// Largest spectral acceleration of two components of all horizontal directions.
+    #[serde(rename = "rotd100")]
+    RotD100,
+}
+
+impl Intensity {
+    /// The measure of two components together; none of a single one.
+    #[must_use]
+    pub const fn of_pair(self) -> Option<PairMeasure> {
+        match self {
+            Self::Pga | Self::Sa => None,
+            Self::GeometricMean => Some(PairMeasure::GeometricMean),
+            Self::RotD50 => Some(PairMeasure::RotD50),
+            Self::RotD100 => Some(PairMeasure::RotD100),
+        }
+    }
 }
 
 /// Measures in the table of results. The time at the end, `end_s`, is always measured.

@@ -3,17 +3,30 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use gusset_motion::{Processing, Signal};
+use super::ground::{GroundDirection, GroundMotions};
+use gusset_motion::{Processing, Scaling, Signal};
 
 /// Excitation of the structure, or of the specimens in a test without a structure. Several
 /// contributions are added.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExcitationTable {
-    /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g.
-    pub ground_acceleration: Option<GroundTable>,
+    /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g. One table,
+    /// or a list `[[excitation.ground_acceleration]]` with one table for each component.
+    #[serde(skip_serializing_if = "GroundMotions::is_empty")]
+    pub ground_acceleration: GroundMotions,
+    /// Angle by which the components x and y are turned in plan, from x to y, before they act. a_x cos θ −
+    /// a_y sin θ acts in x, a_x sin θ + a_y cos θ in y.
+    #[schemars(example = 30.0)]
+    pub incident_angle_deg: Option<f64>,
+    /// One factor for all components of the ground acceleration.
+    pub scaling: Option<Scaling>,
     /// Base displacement in m, with the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
     pub base_displacement: Option<GroundTable>,
+    /// Displacements of supports of a frame in m, with the frame in absolute coordinates:
+    /// F = −K_fs·x_s + C·R·v_s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub support_motion: Vec<SupportMotionTable>,
     /// Forces on DOFs that follow one time history.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nodal_force: Vec<NodalForceTable>,
@@ -24,7 +37,7 @@ pub struct ExcitationTable {
     pub prescribed_displacement: Vec<PrescribedTable>,
 }
 
-/// Motion of the ground or the base.
+/// Motion of the base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundTable {
@@ -37,6 +50,35 @@ pub struct GroundTable {
     /// A base displacement accepts only that default.
     #[schemars(example = [1.0, 1.0, 0.0])]
     pub influence: Option<Vec<f64>>,
+}
+
+/// Displacement of supports of a frame. Give exactly one of `node` and `nodes`. Members at a moving support
+/// must be elastic, without hinges and without `p_delta`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SupportMotionTable {
+    /// Name of the node that moves. It must be fixed in the direction.
+    #[schemars(example = &"B1")]
+    pub node: Option<String>,
+    /// Names of nodes that move alike.
+    #[schemars(example = ["B1", "B2"])]
+    pub nodes: Option<Vec<String>>,
+    /// Direction of the motion: "x" or "y".
+    #[schemars(example = &"x")]
+    pub direction: GroundDirection,
+    /// Time history of the displacement.
+    pub signal: Signal,
+    /// Processing of the time history before the test. `displacement` makes it of an acceleration.
+    #[serde(default)]
+    pub processing: Processing,
+}
+
+impl SupportMotionTable {
+    /// Names of the nodes.
+    pub fn named(&self) -> impl Iterator<Item = &str> {
+        let all = self.nodes.iter().flatten().chain(&self.node);
+        all.map(String::as_str)
+    }
 }
 
 /// Force on DOFs with one time history. Give exactly one of `dofs` and `pattern`.

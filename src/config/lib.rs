@@ -34,6 +34,7 @@ mod excitation;
 mod fault_rules;
 pub mod fault_script;
 mod frame_file;
+mod ground;
 mod hints;
 mod input_store;
 mod inputs;
@@ -86,9 +87,11 @@ pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
 use echo::plain;
 pub use excitation::{
-    ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
+    ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace,
+    PrescribedTable, SupportMotionTable,
 };
 pub use fault_rules::{ScriptError, check_script};
+pub use ground::{GroundComponent, GroundDirection, GroundMotions, GroundTrack};
 pub use gusset_quantity::text::printable;
 pub use input_store::InputStore;
 pub use input_store::read_input;

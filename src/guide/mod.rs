@@ -97,6 +97,7 @@ pages! {
     scope = "scope", "scope.md", Learn, false;
     frames = "frames", "frames.md", Work, false;
     devices = "devices", "devices.md", Work, false;
+    excitation = "excitation", "excitation.md", Work, false;
     actuators = "actuators", "actuators.md", Work, false;
     limits = "limits", "limits.md", Work, false;
     real_time = "real-time", "real-time.md", Work, false;

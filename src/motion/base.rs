@@ -4,7 +4,7 @@
 use super::error::MotionError;
 use super::process::Motion;
 use super::unit::Quantity;
-use super::{Files, Grid, RecordFacts, peak};
+use super::{Corrected, Files, Grid, RecordFacts, peak};
 
 /// A base that moves: displacement and velocity on the step grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,9 +19,11 @@ pub struct BaseMotion {
     pub doubts: Vec<String>,
     /// Facts of the record, if the motion comes from a file.
     pub record: Option<RecordFacts>,
+    /// How an acceleration became the displacement, if one did.
+    pub corrected: Option<Corrected>,
 }
 
-/// Displacement and velocity of a base on `grid`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
+/// Displacement and velocity of a base or a support on `grid`; warnings call it `name`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
 /// warning.
 ///
 /// # Errors
@@ -30,14 +32,15 @@ pub fn base_motion(
     motion: &Motion,
     grid: Grid,
     files: &Files<'_>,
+    name: &str,
 ) -> Result<BaseMotion, MotionError> {
     let (series, vel) = motion.evaluate_with_rate(Quantity::Displacement, grid, files)?;
     let mut warnings = series.warnings;
     if let Some(jump) = jump(&series.values, grid.dt()) {
-        warnings.push(format!("the base {jump}"));
+        warnings.push(format!("{name} {jump}"));
     }
     if let Some(start) = series.values.first().filter(|d| **d != 0.0) {
-        warnings.push(format!("the base starts at {start} m, not at rest at zero"));
+        warnings.push(format!("{name} starts at {start} m, not at rest at zero"));
     }
     Ok(BaseMotion {
         disp: series.values,
@@ -45,6 +48,7 @@ pub fn base_motion(
         warnings,
         doubts: series.doubts,
         record: series.record,
+        corrected: series.corrected,
     })
 }
 

@@ -330,6 +330,14 @@ pub enum MotionError {
         /// The signal or processing step that it was applied to.
         what: &'static str,
     },
+    /// Components, or a target spectrum, to which no common factor exists.
+    #[error("{why}")]
+    Scaling {
+        /// The key, as the test file spells it.
+        key: &'static str,
+        /// Why, with the name of the file.
+        why: String,
+    },
     /// A number outside its domain.
     #[error(transparent)]
     Parameter(#[from] OutOfDomain),
@@ -426,7 +434,7 @@ impl MotionError {
     pub const fn key(&self) -> Option<&'static str> {
         match self {
             Self::Parameter(out) => Some(out.name),
-            Self::NotApplicable { key, .. } => Some(key),
+            Self::NotApplicable { key, .. } | Self::Scaling { key, .. } => Some(key),
             Self::UnitMismatch { key, .. } => *key,
             Self::UnitMissing { .. } | Self::Unreadable { .. } => Some("path"),
             _ => None,

@@ -10,7 +10,7 @@
 //! specimen from one recorded motion. Begin reading with [`Signal`].
 //!
 //! No file is opened here, no clock is read. During a test only [`Excitation::load_into`], [`Excitation::base`],
-//! [`Excitation::ground`] and [`Prescribed::at`] run: they read tables and allocate nothing.
+//! [`Excitation::ground`], [`Ground::at`] and [`Prescribed::at`] run: they read tables and allocate nothing.
 
 mod base;
 pub mod error;
@@ -25,8 +25,10 @@ pub mod read;
 mod record_facts;
 mod resample;
 mod sampled;
+mod scaling;
 mod shapes;
 mod signal;
+mod stroke;
 pub mod unit;
 
 pub use base::{BaseMotion, base_motion};
@@ -42,8 +44,10 @@ pub use read::{
 };
 pub use record_facts::RecordFacts;
 pub use resample::{Resample, central_difference, resample};
+pub use scaling::{Scaled, Scaling};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};
+pub use stroke::{Corrected, Stroke};
 pub use unit::{Quantity, STANDARD_GRAVITY, Unit};
 
 use std::ops::Range;
@@ -112,6 +116,8 @@ pub struct Series {
     pub doubts: Vec<String>,
     /// Facts of the record, if the values come from a file.
     pub record: Option<RecordFacts>,
+    /// How an acceleration became a displacement, if one did.
+    pub corrected: Option<Corrected>,
 }
 
 /// A load that keeps its shape: pattern · series(t).
@@ -141,7 +147,26 @@ pub struct Excitation {
     table: Option<NodalTable>,
     constant: Option<Vec<f64>>,
     base: Option<(Vec<f64>, Vec<f64>)>,
-    ground: Option<Vec<f64>>,
+    grounds: Vec<Ground>,
+    supports: bool,
+}
+
+/// A recorded ground acceleration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ground {
+    /// End of the name of its column; empty for the only one.
+    pub suffix: String,
+    /// In m/s², steps + 1 values.
+    pub accel: Vec<f64>,
+}
+
+impl Ground {
+    /// Acceleration in m/s² at `step`, 0 beyond the test. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, step: usize) -> f64 {
+        self.accel.get(step).copied().unwrap_or(0.0)
+    }
 }
 
 /// A load term as the loop reads it.
@@ -169,7 +194,8 @@ impl Excitation {
             table: None,
             constant: None,
             base: None,
-            ground: None,
+            grounds: Vec::new(),
+            supports: false,
         }
     }
 
@@ -197,6 +223,17 @@ impl Excitation {
             series: term.series,
         });
         Ok(self)
+    }
+
+    /// Adds the loads of a support that moves: those of its displacement and of its velocity.
+    ///
+    /// # Errors
+    /// As [`Self::with_term`].
+    pub fn with_support(self, terms: [LoadTerm; 2]) -> Result<Self, MotionError> {
+        let [elastic, viscous] = terms;
+        let mut all = self.with_term(elastic)?.with_term(viscous)?;
+        all.supports = true;
+        Ok(all)
     }
 
     /// Adds a table of nodal forces.
@@ -247,13 +284,17 @@ impl Excitation {
         Ok(self)
     }
 
-    /// Keeps the ground acceleration (m/s², `steps + 1` values) for the rows; the load it causes is a term.
+    /// Keeps a ground acceleration (m/s², `steps + 1` values) for the rows; the load it causes is a term. `suffix` is the end of
+    /// the name of its column.
     ///
     /// # Errors
     /// [`MotionError::Length`], [`MotionError::EntryNotFinite`].
-    pub fn with_ground(mut self, accel: Vec<f64>) -> Result<Self, MotionError> {
+    pub fn with_ground(mut self, suffix: &str, accel: Vec<f64>) -> Result<Self, MotionError> {
         check("ground acceleration", &accel, self.steps + 1)?;
-        self.ground = Some(accel);
+        self.grounds.push(Ground {
+            suffix: suffix.to_owned(),
+            accel,
+        });
         Ok(self)
     }
 
@@ -270,6 +311,13 @@ impl Excitation {
         self.base.is_some()
     }
 
+    /// True if the coordinates are absolute: the base or a support moves.
+    #[inline]
+    #[must_use]
+    pub const fn is_absolute(&self) -> bool {
+        self.has_base() || self.supports
+    }
+
     /// True if a load acts from before the start, a static load.
     #[inline]
     #[must_use]
@@ -277,10 +325,11 @@ impl Excitation {
         self.constant.is_some()
     }
 
-    /// The ground acceleration in m/s², if one was given.
+    /// The ground accelerations, in the order of their columns.
+    #[inline]
     #[must_use]
-    pub fn ground_accel(&self) -> Option<&[f64]> {
-        self.ground.as_deref()
+    pub fn grounds(&self) -> &[Ground] {
+        &self.grounds
     }
 
     /// The degree of freedom, from 0, and the largest force in N of a table of forces, with its sign.
@@ -385,12 +434,11 @@ impl Excitation {
         }
     }
 
-    /// Ground acceleration in m/s² at `step`, 0 without ground motion and beyond the test. Real-time: yes.
+    /// Acceleration in m/s² of the first of the [`Self::grounds`] at `step`, 0 without one. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn ground(&self, step: usize) -> f64 {
-        let accel = self.ground.as_ref().and_then(|a| a.get(step));
-        accel.copied().unwrap_or(0.0)
+        self.grounds.first().map_or(0.0, |ground| ground.at(step))
     }
 }
 
@@ -438,7 +486,7 @@ mod tests {
                 })
             })
             .and_then(|e| e.with_base(vec![0.0, 1.0, 2.0, 3.0], vec![9.0; 4]))
-            .and_then(|e| e.with_ground(vec![0.0, 1.0, 2.0, 0.5]))
+            .and_then(|e| e.with_ground("", vec![0.0, 1.0, 2.0, 0.5]))
             .unwrap()
     }
 
@@ -508,7 +556,7 @@ mod tests {
         );
         assert!(bare().with_constant(vec![1.0]).is_err());
         assert!(bare().with_base(vec![0.0; 2], vec![0.0]).is_err());
-        assert!(bare().with_ground(vec![f64::INFINITY, 0.0]).is_err());
+        assert!(bare().with_ground("", vec![f64::INFINITY, 0.0]).is_err());
         let table = |dofs: &[usize], values: &[f64]| {
             bare().with_table(NodalTable {
                 dofs: dofs.to_vec(),
@@ -549,7 +597,7 @@ mod tests {
                 })
             })
             .and_then(|e| e.with_base(vec![0.0; 101], vec![0.0; 101]))
-            .and_then(|e| e.with_ground(vec![0.0; 101]))
+            .and_then(|e| e.with_ground("", vec![0.0; 101]))
             .unwrap();
         let mut out = vec![0.0; n];
         let mut sum = 0.0;

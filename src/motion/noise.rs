@@ -449,6 +449,7 @@ mod tests {
         let motion = Motion {
             signal,
             processing: Processing::default(),
+            delay_s: 0.0,
         };
         motion
             .evaluate(

@@ -8,7 +8,7 @@ use super::error::{MotionError, Short, inside};
 use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
-use super::{Files, Grid, RecordFacts};
+use super::{Corrected, Files, Grid, RecordFacts};
 use gusset_quantity::units::quantity;
 
 /// Displacement of each axis, with smooth start and end.
@@ -41,6 +41,8 @@ pub struct Prescribed {
     pub warnings: Vec<String>,
     /// Facts of the records in the motion.
     pub records: Vec<RecordFacts>,
+    /// How accelerations became displacements of axes.
+    pub corrected: Vec<Corrected>,
 }
 
 impl PrescribedSpec {
@@ -96,6 +98,7 @@ impl PrescribedSpec {
             vel: vec![0.0; rows * axes],
             warnings: Vec::new(),
             records: Vec::new(),
+            corrected: Vec::new(),
         };
         for (key, ease) in [("ease_in_s", ease_in), ("ease_out_s", ease_out)] {
             let step = grid.dt();
@@ -115,6 +118,7 @@ impl PrescribedSpec {
                 *d *= w;
             }
             prescribed.records.extend(series.record.take());
+            prescribed.corrected.extend(series.corrected.take());
             let place = name(axis);
             let of_axis = |text: String| format!("{place}: {text}");
             prescribed.warnings.extend(
@@ -203,6 +207,7 @@ impl Prescribed {
             vel,
             warnings: Vec::new(),
             records: Vec::new(),
+            corrected: Vec::new(),
         }
     }
 

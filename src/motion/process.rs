@@ -10,11 +10,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, Short, all_finite, finite, inside, positive};
+use super::error::{MotionError, Short, all_finite, finite, inside, not_negative, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{check_taper, factor_of, taper};
 use super::signal::{Signal, Source};
+use super::stroke::Stroke;
 use super::unit::{Quantity, Unit};
 use super::{Files, Grid, Series, peak};
 use crate::metrics::spectrum::response_spectrum;
@@ -28,6 +29,9 @@ pub struct Motion {
     /// Processing of the time history. Default: none.
     #[serde(default)]
     pub processing: Processing,
+    /// Time in s by which the whole motion starts later; zero before. Default: 0.
+    #[serde(default)]
+    pub delay_s: f64,
 }
 
 /// Processing of a signal. The order is: detrend, taper, resampling, target, scale factor, tail.
@@ -55,6 +59,9 @@ pub struct Processing {
     /// If true, the test may be longer than the record, without a warning.
     #[serde(default)]
     pub zero_tail: bool,
+    /// Displacement from a record of acceleration, where a displacement is wanted. The unit and the targets
+    /// are those of an acceleration. The motion begins and ends at rest at zero.
+    pub displacement: Option<Stroke>,
 }
 
 const fn one() -> f64 {
@@ -70,6 +77,7 @@ impl Default for Processing {
             target_sa: None,
             scale_factor: 1.0,
             zero_tail: false,
+            displacement: None,
         }
     }
 }
@@ -130,6 +138,7 @@ impl Motion {
         Self {
             signal,
             processing: Processing::default(),
+            delay_s: 0.0,
         }
     }
 
@@ -177,6 +186,55 @@ impl Motion {
         Ok((series, rates))
     }
 
+    /// The signal with its delay, baseline and tapers, before it is scaled.
+    fn source(
+        &self,
+        quantity: Quantity,
+        files: &Files<'_>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Source, MotionError> {
+        let delay = not_negative("delay_s", self.delay_s)?;
+        let mut source = self.signal.source(quantity, files, warnings)?;
+        match &mut source {
+            Source::Curve(curve) => {
+                self.processing.only_scales()?;
+                curve.delay(delay);
+            }
+            Source::Sampled(samples) => {
+                let (first, last) = samples.inner();
+                self.processing.remove_trend(samples, first, last);
+                self.processing.taper(samples)?;
+                samples.delay(delay);
+            }
+        }
+        Ok(source)
+    }
+
+    /// The accelerations before they are scaled: the samples of a record, or the points of a closed form on `grid`.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub(crate) fn accelerogram(
+        &self,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<Accelerogram, MotionError> {
+        Ok(
+            match self.source(Quantity::Acceleration, files, &mut Vec::new())? {
+                Source::Curve(curve) => Accelerogram {
+                    values: grid.times().map(|t| (curve.at)(t).0).collect(),
+                    dt: grid.dt(),
+                    start: 0.0,
+                },
+                Source::Sampled(samples) => {
+                    let (values, dt) = samples.itself()?;
+                    let start = samples.first_inner_time();
+                    Accelerogram { values, dt, start }
+                }
+            },
+        )
+    }
+
     /// Value and, where it is known, rate at every point of the grid, and what else a [`Series`] holds.
     fn points(
         &self,
@@ -184,12 +242,20 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<(Vec<Point>, Series), MotionError> {
+        if let Some(stroke) = self.processing.displacement {
+            if quantity != Quantity::Displacement {
+                return Err(MotionError::NotApplicable {
+                    key: "displacement",
+                    what: "anything but a displacement",
+                });
+            }
+            return self.travelled(stroke, grid, files);
+        }
         let mut series = Series::default();
         let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
-        let points = match self.signal.source(quantity, files, warnings)? {
+        let points = match self.source(quantity, files, warnings)? {
             Source::Curve(curve) => {
-                self.processing.only_scales()?;
                 let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
                 let values = || Ok((points.iter().map(|p| p.0).collect(), grid.dt()));
                 let target = self.processing.target(quantity, values)?;
@@ -203,9 +269,6 @@ impl Motion {
                 finite_points(points)?
             }
             Source::Sampled(mut samples) => {
-                let (first, last) = samples.inner();
-                self.processing.remove_trend(&mut samples, first, last);
-                self.processing.taper(&mut samples)?;
                 let holds = quantity == Quantity::Displacement;
                 let itself = || samples.itself();
                 let scale = scale_factor * self.processing.target(quantity, itself)?;
@@ -242,6 +305,58 @@ impl Motion {
         };
         Ok((points, series))
     }
+}
+
+impl Motion {
+    /// [`Self::points`] of a displacement from an acceleration.
+    fn travelled(
+        &self,
+        stroke: Stroke,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<(Vec<Point>, Series), MotionError> {
+        let mut series = Series::default();
+        let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
+        let quantity = Quantity::Acceleration;
+        let Source::Sampled(samples) = self.source(quantity, files, warnings)? else {
+            return Err(MotionError::NotApplicable {
+                key: "displacement",
+                what: "a signal in closed form: it has no samples",
+            });
+        };
+        let (values, dt) = samples.itself()?;
+        let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
+        let target = self.processing.target(quantity, || samples.itself())?;
+        let scaled: Vec<f64> = values.iter().map(|a| scale_factor * target * a).collect();
+        all_finite("the scaled record", &scaled)?;
+        let (travel, corrected) = stroke.travel(&scaled, dt)?;
+        samples.cut_peak(grid, doubts);
+        let start = samples.first_inner_time();
+        let end = start + travel.span();
+        if end > grid.duration() * (1.0 + 1e-9) {
+            warnings.push(format!(
+                "the test ends at {} s, before the motion comes to rest at {} s",
+                Short(grid.duration()),
+                Short(end)
+            ));
+        }
+        series.record = samples.record;
+        series.corrected = Some(corrected);
+        let at = |time: f64| travel.at(time - start);
+        let points = grid.times().map(at).map(|(d, v)| (d, Some(v)));
+        Ok((points.collect(), series))
+    }
+}
+
+/// Accelerations at equal steps.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Accelerogram {
+    /// In m/s².
+    pub values: Vec<f64>,
+    /// Their distance in s.
+    pub dt: f64,
+    /// Test time of the first of them in s.
+    pub start: f64,
 }
 
 /// Finite numbers times finite factors may still run out of range.
@@ -730,7 +845,7 @@ mod tests {
 
     #[test]
     fn base_velocity_of_closed_forms_is_exact() {
-        let moved = base_motion(&sine(), grid(0.05, 40), &no_files).unwrap();
+        let moved = base_motion(&sine(), grid(0.05, 40), &no_files, "the base").unwrap();
         let omega = 4.0 * std::f64::consts::PI;
         for (i, (d, v)) in moved.disp.iter().zip(&moved.vel).enumerate() {
             let t = 0.05 * i as f64;
@@ -753,8 +868,8 @@ mod tests {
             taper_s: 1.0,
         }));
         // A coarse step, where differences would be 40 % off, against differences at a step a hundred times finer.
-        let coarse = base_motion(&noise, grid(0.05, 400), &no_files).unwrap();
-        let fine = base_motion(&noise, grid(0.0005, 40_000), &no_files).unwrap();
+        let coarse = base_motion(&noise, grid(0.05, 400), &no_files, "the base").unwrap();
+        let fine = base_motion(&noise, grid(0.0005, 40_000), &no_files, "the base").unwrap();
         let differences = central_difference(&fine.disp, 0.0005);
         let top = peak(&differences);
         for (i, v) in coarse.vel.iter().enumerate() {
@@ -766,7 +881,7 @@ mod tests {
     #[test]
     fn displacement_record_stays_at_its_end() {
         let record = values(&[0.0, 0.001, 0.003, 0.004]);
-        let moved = base_motion(&record, grid(0.05, 10), &no_files).unwrap();
+        let moved = base_motion(&record, grid(0.05, 10), &no_files, "the base").unwrap();
         assert_eq!(moved.disp[6..], [0.004; 5]);
         assert_eq!(moved.vel[8..], [0.0; 3]);
         // Central difference within a straight line.
@@ -784,7 +899,7 @@ mod tests {
             start_s: 0.2,
             rise_s: 0.0,
         }));
-        let moved = base_motion(&jump, grid(0.01, 100), &no_files).unwrap();
+        let moved = base_motion(&jump, grid(0.01, 100), &no_files, "the base").unwrap();
         assert!(
             moved.warnings[0].contains("1.000e-2 m") && moved.warnings[0].contains("0.190000 s"),
             "{:?}",
@@ -794,7 +909,7 @@ mod tests {
             value: 1.0,
             unit: Some(Unit::Millimetre),
         }));
-        let moved = base_motion(&shifted, grid(0.01, 100), &no_files).unwrap();
+        let moved = base_motion(&shifted, grid(0.01, 100), &no_files, "the base").unwrap();
         assert!(
             moved.warnings[0].contains(" 0.001 m"),
             "{:?}",

@@ -40,6 +40,20 @@ pub(super) enum Origin {
 }
 
 impl Sampled {
+    /// Begins `delay` s later.
+    pub(super) fn delay(&mut self, delay: f64) {
+        self.first_time += delay;
+        self.span = (self.span.0 + delay, self.span.1 + delay);
+    }
+
+    /// Test time of the first value of [`Self::itself`].
+    pub(super) fn first_inner_time(&self) -> f64 {
+        match self.origin {
+            Origin::Record(_) => self.first_time + self.inner().0 as f64 * self.dt,
+            Origin::Synthetic { .. } => self.span.0,
+        }
+    }
+
     /// First and last sample within the span.
     pub(super) fn inner(&self) -> (usize, usize) {
         let place = |time: f64| snapped((time - self.first_time) / self.dt).max(0.0);

@@ -23,6 +23,18 @@ pub(super) struct Curve {
 }
 
 impl Curve {
+    /// Begins `delay` s later, and is zero before.
+    pub(super) fn delay(&mut self, delay: f64) {
+        if delay > 0.0 {
+            let own = std::mem::replace(&mut self.at, Box::new(|_| (0.0, 0.0)));
+            self.at = Box::new(move |time| match reached(time, delay) {
+                true => own((time - delay).max(0.0)),
+                false => (0.0, 0.0),
+            });
+            self.end += delay;
+        }
+    }
+
     /// Largest magnitude at `points` points between two times.
     fn peak(&self, [from, to]: [f64; 2], points: u32) -> f64 {
         let step = (to - from) / f64::from(points);

@@ -85,6 +85,9 @@ pub struct TimeBetweenTargets {
 /// Shares of wall time, 0 to 1, and slow-downs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageShares {
+    /// Time in the laboratory, s.
+    #[serde(default)]
+    pub laboratory_s: f64,
     /// Towards a known target.
     pub correcting: f64,
     /// Along the prediction at full pace.

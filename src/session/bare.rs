@@ -88,6 +88,7 @@ pub(crate) fn loop_round(
         announced: Vec::new(),
         moved: Vec::new(),
         records: Vec::new(),
+        corrected: Vec::new(),
         confirm: false,
         limits: LimitFacts::default(),
         warnings: Vec::new(),

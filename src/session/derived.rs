@@ -215,27 +215,30 @@ impl<'a> Described<'a> {
         self.file.excitation.base_displacement.is_some()
     }
 
-    /// ι of a DOF from 0; zero where the recorded motion is absolute.
-    fn influence(&self, dof: usize) -> f64 {
-        let Some(ground) = &self.file.excitation.ground_acceleration else {
-            return 0.0;
-        };
-        let given = ground.influence.as_ref().or(self.influence.as_ref());
-        given.map_or(1.0, |iota| iota.get(dof).copied().unwrap_or(0.0))
+    /// Columns of the ground and their ι of a DOF from 0, where it is not zero.
+    fn grounds(&self, dof: usize) -> impl Iterator<Item = (String, f64)> {
+        let grounds = self.file.excitation.ground_acceleration.clone();
+        grounds.tracks().into_iter().filter_map(move |track| {
+            // All components of a column have one influence vector.
+            let component = grounds.all().get(*track.components.first()?)?;
+            let given = component.influence_in(&self.structure);
+            let given = given.or_else(|| self.influence.clone());
+            let iota = given.map_or(1.0, |iota| iota.get(dof).copied().unwrap_or(0.0));
+            (iota != 0.0).then(|| (GROUND.of_component(&track.suffix), iota))
+        })
     }
 
     /// The absolute acceleration of a DOF from 0, times a factor.
     fn accel(&self, dof: usize, factor: f64, terms: &mut Vec<(String, f64)>) {
         terms.push((ACCEL.of_dof(dof + 1), factor));
-        let iota = self.influence(dof);
-        if iota != 0.0 {
-            terms.push((GROUND.name().to_owned(), factor * iota));
-        }
+        let grounds = self.grounds(dof);
+        terms.extend(grounds.map(|(column, iota)| (column, factor * iota)));
     }
 
     fn accelerations(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
         let excitation = &self.file.excitation;
-        if excitation.ground_acceleration.is_none() && !self.has_base() {
+        let is_absolute = self.has_base() || !excitation.support_motion.is_empty();
+        if excitation.ground_acceleration.is_empty() && !is_absolute {
             return Err(DerivedError::NoGround);
         }
         for column in self.run.layout().columns() {
@@ -245,8 +248,8 @@ impl<'a> Described<'a> {
             let dof = dof as usize - 1;
             let mut terms = Vec::new();
             self.accel(dof, 1.0, &mut terms);
-            let also = if self.has_base() {
-                ", which is the recorded one: the base is displaced"
+            let also = if is_absolute {
+                ", which is the recorded one: the base or a support is displaced"
             } else {
                 ""
             };

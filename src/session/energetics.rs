@@ -50,7 +50,7 @@ pub(super) struct Known {
     /// Why no margin to a critical delay was watched, if none was.
     pub no_margin: Option<String>,
     /// Motion of the ground up to the requested step, as in the rows; empty where it is not known.
-    pub ground_before: Vec<f64>,
+    pub ground_before: Vec<Vec<f64>>,
 }
 
 /// The structure of the run in `folder`, with this `resolved.toml` and these columns, of which the steps up to `before` are in
@@ -71,12 +71,14 @@ pub(super) fn known(
         balance: Err(balance),
     };
     match structure(folder, resolved, columns) {
-        Ok((energetics, has_base, no_margin)) => {
+        Ok((energetics, is_absolute, no_margin)) => {
             let modes = energetics.modes();
-            let ground = before.map(|step| energetics.ground(step));
+            let ground = before.map(|step| energetics.grounds(step));
             let has_past = before.is_some() && !energetics.structure.is_linear();
-            let why = if has_base {
-                Some("the base is displaced, and the force that does it is not recorded")
+            let why = if is_absolute {
+                Some(
+                    "the base or a support is displaced, and the force that does it is not recorded",
+                )
             } else if has_past {
                 Some("what its nonlinear elements went through before is in another folder")
             } else {
@@ -96,7 +98,7 @@ pub(super) fn known(
     }
 }
 
-/// The structure, whether its base is displaced, and why no margin to a critical delay was watched.
+/// The structure, whether its base or a support is displaced, and why no margin to a critical delay was watched.
 fn structure(
     folder: &Path,
     resolved: &RecordedFile,
@@ -135,29 +137,28 @@ fn structure(
     let Some(analysis) = analysis else {
         return Err(because("the structure is too large".to_owned()));
     };
-    let has_base = numerical.excitation.has_base();
+    let is_absolute = numerical.excitation.is_absolute();
     let energetics = Energetics {
         structure: numerical.structure,
         excitation: numerical.excitation,
         analysis,
         steps: prepared.experiment.steps as usize,
     };
-    Ok((energetics, has_base, no_margin))
+    Ok((energetics, is_absolute, no_margin))
 }
 
 impl Energetics {
-    /// Motion of the ground at the steps from 0 to `last`: displacement of the base where that moves, else acceleration.
-    fn ground(&self, last: u64) -> Vec<f64> {
+    /// Motion of the ground at the steps from 0 to `last`, for each of its columns: displacement of the base where that moves,
+    /// else accelerations.
+    fn grounds(&self, last: u64) -> Vec<Vec<f64>> {
         let excitation = &self.excitation;
-        let at = |step: usize| {
-            if excitation.has_base() {
-                excitation.base(step).0
-            } else {
-                excitation.ground(step)
-            }
-        };
         let last = usize::try_from(last).unwrap_or(usize::MAX).min(self.steps);
-        (0..=last).map(at).collect()
+        if excitation.has_base() {
+            return vec![(0..=last).map(|step| excitation.base(step).0).collect()];
+        }
+        let all = excitation.grounds().iter();
+        all.map(|ground| (0..=last).map(|step| ground.at(step)).collect())
+            .collect()
     }
 
     /// The modes at rest, and the damping that delays of the specimens add.

@@ -235,7 +235,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let earlier = origin.map(|origin| Earlier {
         folders: format!("{BEFORE}/"),
         step: origin.step,
-        ground: known.ground_before,
+        grounds: known.ground_before,
     });
     let (mut model, no_balance) = match known.balance {
         Ok(model) => (Some(model), None),

@@ -9,6 +9,7 @@ use super::reason::{self, last_words};
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Ending, Gaps, Outcome};
 use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::units::quantity;
 use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
@@ -102,6 +103,7 @@ pub(super) fn summarise(
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     warnings.extend(recorded.loss());
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
+    warnings.extend(outcome.map(over_tension).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
     warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
@@ -170,6 +172,19 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
         )
     };
     each.map(sentence).collect()
+}
+
+/// Corotational members that λ was not chosen for, in sentences.
+fn over_tension(outcome: &Outcome) -> Vec<String> {
+    let sentence = |(name, [found, declared]): &(String, [f64; 2])| {
+        format!(
+            "{name}: its tension reached {}, more than its declared {}, for which λ was chosen; declare more as \
+             `corotational.largest_tension_n`",
+            quantity(*found, "N"),
+            quantity(*declared, "N")
+        )
+    };
+    outcome.over_tension.iter().map(sentence).collect()
 }
 
 /// Ticks without a command, in a sentence.

@@ -1,15 +1,15 @@
 //! Loads and motions of the structure, on the step grid.
 
+use super::histories::{added, keep, motion, series, sized, warn_of_nothing, with_files};
 use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
 use gusset_config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
 use gusset_motion::{
-    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, RecordFacts,
-    Signal, Unit, base_motion, parse_table,
+    Excitation, Grid, LoadTerm, NodalTable, Quantity, Unit, base_motion, parse_table,
 };
+use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Structure;
-use gusset_proof::Kind;
 
 /// Most numbers of all motions of a test together, which are laid out before it: 4 GiB, twelve hours of a ground motion at 4096 Hz.
 const MOST_NUMBERS: u64 = 1 << 29;
@@ -22,14 +22,18 @@ const MOST_NAMED: usize = 12;
 fn numbers_per_step(excitation: &ExcitationTable) -> u64 {
     let ExcitationTable {
         ground_acceleration,
+        incident_angle_deg: _,
+        scaling: _,
         base_displacement,
+        support_motion,
         nodal_force,
         nodal_table: _,
         prescribed_displacement,
     } = excitation;
     let counts = [
-        3 * usize::from(ground_acceleration.is_some()),
+        3 * ground_acceleration.all().len(),
         4 * usize::from(base_displacement.is_some()),
+        4 * support_motion.len(),
         2 * nodal_force.len(),
         4 * prescribed_displacement.len(),
     ];
@@ -57,137 +61,29 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
         .or_else(|error| site.refuse(Finding::error(path("time"), error.to_string())))
 }
 
-/// Runs `evaluate` on a motion whose table is at `at`, with its file read.
-pub(super) fn with_files<T>(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    signal: &Signal,
-    evaluate: impl FnOnce(&gusset_motion::Files<'_>) -> Result<T, MotionError>,
-) -> Result<T, Refused> {
-    let mut bytes = None;
-    let place = source(site, at, signal);
-    if let Some(file) = signal.path() {
-        bytes = Some(site.read(place.clone(), file)?);
-    }
-    let files = move |_: &str| {
-        bytes
-            .clone()
-            .ok_or_else(|| std::io::Error::other("this file is not named in the test file"))
-    };
-    evaluate(&files).or_else(|error| {
-        let place = match error.key() {
-            Some(key) => site.loaded.locator.beneath(at, key),
-            None => place,
-        };
-        let mut finding = Finding::error(place, error.to_string());
-        if let Some(help) = error.help() {
-            finding = finding.help(help);
-        }
-        site.refuse(finding)
-    })
-}
-
-/// Source of a motion: the key that names its file, or the whole signal.
-fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
-    let at = at.key("signal");
-    match signal.path() {
-        Some(_) => site.loaded.locator.beneath(&at, "path"),
-        None => at,
-    }
-}
-
-/// Keeps the warnings and the record of the motion whose table is at `at`, and the doubts about it for the verdict.
-pub(super) fn keep(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    signal: &Signal,
-    [warnings, doubts]: [Vec<String>; 2],
-    records: impl IntoIterator<Item = RecordFacts>,
-) {
-    let place = source(site, at, signal);
-    let finding = |text: String| Finding::warning(place.clone(), text);
-    site.warnings.extend(warnings.into_iter().map(finding));
-    let doubts = doubts.into_iter().map(finding);
-    site.doubts.extend(doubts.map(|doubt| (Kind::Error, doubt)));
-    site.records.extend(records);
-}
-
-/// The values of the motion whose table is at `at`.
-fn series(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    history: &Motion,
-    quantity: Quantity,
-    grid: Grid,
-) -> Result<Vec<f64>, Refused> {
-    let found = with_files(site, at, &history.signal, |files| {
-        history.evaluate(quantity, grid, files)
-    })?;
-    let told = [found.warnings, found.doubts];
-    keep(site, at, &history.signal, told, found.record);
-    Ok(found.values)
-}
-
-/// Warns of a load at `at` whose numbers are all zero: it moves nothing.
-fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
-    let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
-    if place || history {
-        let label = if place {
-            "has no effect: all its factors are zero"
-        } else {
-            "zero from the start to the end"
-        };
-        let headline = format!("`{at}` moves nothing");
-        site.warnings
-            .push(Finding::warning(at, headline).at_key().label(label));
-    }
-}
-
-pub(super) fn motion(signal: &Signal, processing: &Processing) -> Motion {
-    Motion {
-        signal: signal.clone(),
-        processing: processing.clone(),
-    }
-}
-
 /// The loads of a structure, and its static load if it has one.
 pub(super) fn excitation(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
+    initial_stiffness: &SymMatrix,
 ) -> Result<(Excitation, Option<Vec<f64>>), Refused> {
     let n = structure.dofs();
     let grid = grid(site)?;
     let mut excitation = Excitation::none(n, grid.steps());
     let table = &site.loaded.file.excitation;
     let at = path("excitation");
-    if let Some(ground) = &table.ground_acceleration {
-        let at = at.key("ground_acceleration");
-        let history = motion(&ground.signal, &ground.processing);
-        let series = series(site, &at, &history, Quantity::Acceleration, grid)?;
-        let iota = ground
-            .influence
-            .clone()
-            .unwrap_or_else(|| structure.influence().to_vec());
-        let iota = sized(site, &at.key("influence"), iota, n)?;
-        let pattern = ground_load(structure, specimens, &iota);
-        warn_of_nothing(site, at.clone(), [&pattern, &series]);
-        let term = LoadTerm {
-            pattern,
-            series: series.clone(),
-        };
-        excitation = added(site, &at, || {
-            excitation.with_term(term)?.with_ground(series)
-        })?;
-    }
+    excitation = super::ground::ground(site, structure, specimens, grid, excitation)?;
     if let Some(base) = &table.base_displacement {
         let at = at.key("base_displacement");
         let history = motion(&base.signal, &base.processing);
         let moved = with_files(site, &at, &base.signal, |files| {
-            base_motion(&history, grid, files)
+            base_motion(&history, grid, files, "the base")
         })?;
         let told = [moved.warnings, moved.doubts];
         keep(site, &at, &base.signal, told, moved.record);
+        let corrected = moved.corrected.map(|one| (at.to_string(), one));
+        site.corrected.extend(corrected);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence
@@ -200,6 +96,7 @@ pub(super) fn excitation(
         }
         excitation = added(site, &at, || excitation.with_base(moved.disp, moved.vel))?;
     }
+    excitation = super::supports::supports(site, structure, initial_stiffness, grid, excitation)?;
     for (index, force) in table.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let pattern = match (&force.dofs, &force.pattern) {
@@ -321,25 +218,6 @@ fn are_numbered(names: &[String]) -> bool {
     })
 }
 
-fn added(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    add: impl FnOnce() -> Result<Excitation, MotionError>,
-) -> Result<Excitation, Refused> {
-    add().or_else(|error| site.refuse(Finding::error(at.clone(), error.to_string())))
-}
-
-/// −M ι with the mass of the specimens whose inertia is inside the measured force: they load the structure although they
-/// are not counted in M.
-fn ground_load(structure: &Structure, specimens: &Specimens, iota: &[f64]) -> Vec<f64> {
-    let mut load = vec![0.0; iota.len()];
-    structure.mass().subtract_product(iota, &mut load);
-    specimens
-        .mass_in_force(iota.len())
-        .subtract_product(iota, &mut load);
-    load
-}
-
 fn spread(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -357,19 +235,6 @@ fn spread(
         }
     }
     Ok(pattern)
-}
-
-fn sized(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    values: Vec<f64>,
-    n: usize,
-) -> Result<Vec<f64>, Refused> {
-    if values.len() == n {
-        return Ok(values);
-    }
-    let text = format!("{} entries, but the structure has {n} DOFs", values.len());
-    site.refuse(Finding::error(at.clone(), text))
 }
 
 fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<f64>>, Refused> {

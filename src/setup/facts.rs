@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use gusset_config::{ClockChoice, Method, TimingSpec};
-use gusset_motion::RecordFacts;
+use gusset_motion::{Corrected, Ground, RecordFacts, Scaled};
 use gusset_numerics::frame::MemberUse;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
@@ -56,6 +56,8 @@ pub struct Facts {
     pub confirm: bool,
     /// Facts about the records of its motions, in the order of the test file.
     pub records: Vec<RecordFacts>,
+    /// Accelerations that became displacements, with the keys of their tables.
+    pub corrected: Vec<(String, Corrected)>,
     /// The limits, who checks them, and their consequences.
     pub limits: LimitFacts,
     /// Warnings for the user; the test may run.
@@ -104,8 +106,12 @@ pub struct StructureFacts {
     pub gain: f64,
     /// Natural frequencies at the start in rad/s, ascending, as far as they are cheap to find.
     pub frequencies: Vec<f64>,
-    /// Largest |ground acceleration| in m/s².
+    /// Largest |ground acceleration| of all components in m/s².
     pub peak_ground_accel: Option<f64>,
+    /// The recorded ground accelerations.
+    pub grounds: Vec<GroundFacts>,
+    /// Result of `[excitation.scaling]`; none without it.
+    pub scaled: Option<Scaled>,
     /// Degree of freedom, from 0, and largest force in N of a table of nodal forces.
     pub peak_nodal_force: Option<(usize, f64)>,
     /// Input for the analysis of modes and delays, for structures that are not too large.
@@ -116,6 +122,25 @@ pub struct StructureFacts {
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     pub(super) gains: Vec<Vec<f64>>,
+}
+
+/// A recorded ground acceleration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroundFacts {
+    /// End of the name of its column; empty for the only one.
+    pub suffix: String,
+    /// Largest absolute value in m/s².
+    pub peak: f64,
+}
+
+impl GroundFacts {
+    pub(super) fn of(ground: &Ground) -> Self {
+        let accel = ground.accel.iter();
+        Self {
+            suffix: ground.suffix.clone(),
+            peak: accel.fold(0.0, |most: f64, value| most.max(value.abs())),
+        }
+    }
 }
 
 /// Facts about a frame under its static loads.

@@ -4,8 +4,9 @@ use super::facts::FrameFacts;
 use super::{Refused, Site, path};
 use gusset_config::{ClockChoice, DeformationTable, Finding, KeyPath};
 use gusset_control::engine::Numerical;
-use gusset_numerics::frame::{Direction, FrameError, FrameSpec, MemberUse};
+use gusset_numerics::frame::{FrameError, FrameSpec, MemberUse, NodeLoadSpec};
 use gusset_numerics::model::StructureSpec;
+use gusset_proof::Kind;
 use gusset_quantity::units::{number, quantity};
 use gusset_record::rt::os::monotonic_ns;
 
@@ -106,10 +107,16 @@ pub(super) fn facts(
     let (model, members, load) = found
         .or_else(|error| site.refuse(Finding::error(place(site, &error), error.to_string())))?;
     let down = |force: f64| (-force).max(0.0);
-    // The loads at nodes that are held in y are in no degree of freedom.
+    let up = frame.upwards();
+    let upwards = |load: &NodeLoadSpec| load.each()[up as usize].1;
+    // The loads at nodes that are held vertically are in no degree of freedom.
     let others = model.dofs.iter().zip(load.iter().zip(&model.load));
-    let others = others.filter(|((_, direction), _)| *direction == Direction::Y);
-    let weight = frame.load.iter().map(|load| down(load.y_n)).sum::<f64>()
+    let others = others.filter(|((_, direction), _)| *direction == up);
+    let weight = frame
+        .load
+        .iter()
+        .map(|load| down(upwards(load)))
+        .sum::<f64>()
         + others.map(|(_, (all, own))| down(all - own)).sum::<f64>();
     let yields = |(_, member): &(usize, &MemberUse)| member.utilisation > Some(1.0);
     let yielding = members.iter().enumerate().filter(yields);
@@ -130,6 +137,18 @@ pub(super) fn facts(
             finding = finding.label(format!("and {more} more members yield"));
         }
         site.warnings.push(finding);
+    }
+    let far = frame
+        .member
+        .iter()
+        .position(|one| one.corotational.is_some());
+    if let Some(index) = far {
+        let at = path("structure").key("frame").key("member").index(index);
+        let text = "the stability of corotational members is not known: λ is chosen for their stiffness at rest and the declared tension, \
+                    but a member that turns is stiff in other directions";
+        let finding = Finding::warning(at.key("corotational"), text);
+        let finding = finding.help("compare with a test of half the step");
+        site.doubts.push((Kind::Unknown, finding));
     }
     Ok(Some(FrameFacts {
         mass: frame.node.iter().map(|node| node.mass_kg).sum(),
@@ -182,7 +201,20 @@ pub(super) fn place(site: &Site<'_>, error: &FrameError) -> KeyPath {
             key,
             ..
         } => at.key(list).index(*index).key(key),
-        FrameError::Section { section, key, .. } | FrameError::NoMaterial { section, key, .. } => {
+        FrameError::Coordinates {
+            at: (list, index),
+            key,
+            ..
+        }
+        | FrameError::NotInPlane {
+            at: (list, index),
+            key,
+            ..
+        } => at.key(list).index(*index).key(key),
+        FrameError::Dimension(_) => at.key("dimension"),
+        FrameError::Section { section, key, .. }
+        | FrameError::NeededInSpace { section, key }
+        | FrameError::NoMaterial { section, key, .. } => {
             beneath(&at.key("section").key(section), key)
         }
         FrameError::OneMaterial { section, .. } => at.key("section").key(section),

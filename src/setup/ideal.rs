@@ -135,7 +135,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
             method::family(site, &structure, &initial, lambda, massless)?.0
         }
     };
-    let (excitation, load) = excitation::excitation(site, &structure, &specimens)?;
+    let (excitation, load) = excitation::excitation(site, &structure, &specimens, &stiffness)?;
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));

@@ -15,6 +15,8 @@ mod facts;
 mod frames;
 mod gateway;
 mod gear;
+mod ground;
+mod histories;
 mod ideal;
 mod limits;
 mod links;
@@ -34,12 +36,13 @@ mod site;
 mod specimens;
 mod speed;
 mod structure;
+mod supports;
 mod trial;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-pub use facts::{Facts, FrameFacts, RuleDamping, StructureFacts};
+pub use facts::{Facts, FrameFacts, GroundFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
@@ -247,6 +250,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         announced: announced(file),
         moved: moved(file),
         records: std::mem::take(&mut site.records),
+        corrected: std::mem::take(&mut site.corrected),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
         accepted: BTreeMap::new(),
@@ -375,7 +379,8 @@ fn numerical(
     if let Some(condition) = condition {
         method::warn_of_digits(site, condition);
     }
-    let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
+    let (excitation, load) =
+        excitation::excitation(site, &structure, specimens, &initial_stiffness)?;
     let frame = frames::facts(site, load.as_deref())?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -404,7 +409,8 @@ fn numerical(
         specimens.attached(),
         proof.as_ref().map(|proof| (dt, proof.lambda)),
     );
-    let ground = excitation.ground_accel();
+    let grounds = excitation.grounds().iter();
+    let grounds: Vec<GroundFacts> = grounds.map(GroundFacts::of).collect();
     let rotations = rotations(site, n)?;
     let facts = StructureFacts {
         dofs: n,
@@ -429,7 +435,9 @@ fn numerical(
         analysis,
         no_margin: None,
         peak_nodal_force: excitation.peak_of_table(),
-        peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
+        peak_ground_accel: grounds.iter().map(|ground| ground.peak).reduce(f64::max),
+        grounds,
+        scaled: site.scaled.take(),
     };
     plausible::units(site, specimens, &facts);
     let accel = gusset_numerics::model::Acceleration::new(structure.mass());

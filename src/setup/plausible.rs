@@ -165,7 +165,9 @@ fn mixed_stiffnesses(
 fn unusual_peak(site: &Site<'_>, peak: Option<f64>) -> Option<Finding> {
     let peak = peak.filter(|peak| *peak > 0.0)?;
     let in_g = peak / STANDARD_GRAVITY;
-    let ground = site.loaded.file.excitation.ground_acceleration.as_ref()?;
+    let excitation = &site.loaded.file.excitation;
+    let grounds = &excitation.ground_acceleration;
+    let ground = grounds.all().first()?;
     let mut records = site.records.iter();
     let record = records.find(|record| record.quantity == Quantity::Acceleration);
     let record = record.filter(|_| matches!(ground.signal, Signal::File(_)));
@@ -176,14 +178,18 @@ fn unusual_peak(site: &Site<'_>, peak: Option<f64>) -> Option<Finding> {
     if is_within(in_g, [least, most]) {
         return None;
     }
-    let at = path("excitation").key("ground_acceleration");
+    let at = grounds.place(&path("excitation"), 0);
     let text = format!(
         "the peak ground acceleration is {} g: between {least} g and {most} g is usual",
         number(in_g)
     );
     let finding = Finding::warning(at.clone(), text).number("peak_g", in_g);
-    let scaled = ground.processing.target_peak.is_some() || ground.processing.target_sa.is_some();
-    let Some(record) = record.filter(|_| !scaled) else {
+    let scaled = ground.processing.target_peak.is_some()
+        || ground.processing.target_sa.is_some()
+        || excitation.scaling.is_some();
+    // One unit of several components is not the cause of all.
+    let is_alone = grounds.all().len() == 1;
+    let Some(record) = record.filter(|_| !scaled && is_alone) else {
         return Some(finding.at_key().label("in m/s²?"));
     };
     let units = [

@@ -1,7 +1,8 @@
 //! Motions of the specimens of a test without a structure, on the step grid: deformations of their axes, coordinates of their
 //! platforms, or strokes of the actuators, which are converted to coordinates.
 
-use super::excitation::{grid, keep, motion, with_files};
+use super::excitation::grid;
+use super::histories::{keep, motion, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_actuator::geometry::{Fault, Geometry, MOST};
@@ -114,6 +115,9 @@ fn one(
     let told = [texts.collect(), Vec::new()];
     let records = history.records.iter().cloned();
     keep(site, at, &table.signal, told, records);
+    let corrected = history.corrected.iter();
+    let corrected = corrected.map(|one| (at.to_string(), one.clone()));
+    site.corrected.extend(corrected);
     *slot = Some(history);
     Ok(())
 }

@@ -3,7 +3,6 @@
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{DispUnit, DofChoice, Finding};
-use gusset_numerics::frame::Direction;
 
 /// Largest model whose DOFs are all recorded by default.
 const RECORD_ALL: usize = 64;
@@ -49,7 +48,7 @@ pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, 
     {
         let places = frame.places();
         let dofs = places.iter().enumerate();
-        let turns = dofs.filter(|(_, (_, direction))| *direction == Direction::Rz);
+        let turns = dofs.filter(|(_, (_, direction))| direction.turns());
         let turns: Vec<usize> = turns.map(|(dof, _)| dof).collect();
         refuse_lengths(site, &turns)?;
         return Ok(turns);

@@ -2,7 +2,7 @@
 
 use super::{Dial, Trial};
 use gusset_config::{ConfigError, Finding, Inputs, KeyPath, Loaded};
-use gusset_motion::RecordFacts;
+use gusset_motion::{Corrected, RecordFacts, Scaled};
 use gusset_proof::Kind;
 
 /// Findings so far, and the files read so far.
@@ -15,6 +15,10 @@ pub(super) struct Site<'a> {
     pub warnings: Vec<Finding>,
     /// Facts about the records of motions.
     pub records: Vec<RecordFacts>,
+    /// Accelerations that became displacements, with the keys of their tables.
+    pub corrected: Vec<(String, Corrected)>,
+    /// Result of `[excitation.scaling]`.
+    pub scaled: Option<Scaled>,
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
@@ -38,6 +42,8 @@ pub(super) fn build<'a, T>(
         errors: Vec::new(),
         warnings: Vec::new(),
         records: Vec::new(),
+        corrected: Vec::new(),
+        scaled: None,
         doubts: Vec::new(),
         trial,
     };

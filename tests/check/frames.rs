@@ -85,7 +85,7 @@ fn check_lists_nodes_and_members() {
         for (name, words) in [
             ("frame", "mass 2 t, static loads 20 kN downwards"),
             ("foot", "x y rz"),
-            ("top", "3 m"),
+            ("top", "(0, 3) m"),
             ("top", "50 kg m²"),
             ("column", "foot–top  elastic  s        3 m     0.003333"),
         ] {

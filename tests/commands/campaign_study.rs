@@ -266,6 +266,128 @@ collapse = { measure = "max_drift", above = 0.006 }
     }
 }
 
+/// A plan of one storey under two components.
+const PLAN: &str = r#"[time]
+rate_hz = 128
+duration_s = 1
+
+[structure.matrices]
+mass = [[4000, 0], [0, 4000]]
+stiffness = [[4e5, 1e5], [1e5, 6e5]]
+
+[[excitation.ground_acceleration]]
+direction = "x"
+influence = [1, 0]
+processing.zero_tail = true
+signal.sine = { amplitude = 1, frequency_hz = 2 }
+
+[[excitation.ground_acceleration]]
+direction = "y"
+influence = [0, 1]
+processing.zero_tail = true
+signal.sine = { amplitude = 1, frequency_hz = 3 }
+"#;
+
+/// A folder with the pairs A and B, and a study of them with more keys.
+fn of_pairs(more: &str) -> tempfile::TempDir {
+    let pairs = "test = \"plan.toml\"\n[[records]]\nfolder = \"pairs\"\ncomponents = [\"*-H1.csv\", \"*-H2.csv\"]\n\
+                 record_unit = \"m/s2\"\n";
+    let folder = folder(&format!("{pairs}{more}"));
+    fs::write(folder.path().join("plan.toml"), PLAN).unwrap();
+    fs::create_dir(folder.path().join("pairs")).unwrap();
+    for (name, factor) in [
+        ("A-H1", "1"),
+        ("A-H2", "-0.7"),
+        ("B-H1", "0.4"),
+        ("B-H2", "0.9"),
+        ("B-UP", "9"),
+    ] {
+        let text = RECORD.replace("0.1,1", &format!("0.1,{factor}"));
+        fs::write(folder.path().join(format!("pairs/{name}.csv")), text).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn pairs_go_to_both_components() {
+    let levels = "intensity = \"rotd50\"\nperiod_s = 0.5\nvalues = [0.5, 1.0]\nunit = \"m/s2\"\n[measure]\npeaks = true\n";
+    let folder = of_pairs(levels);
+    let out = folder.path().join("out");
+    let said = command(
+        "run",
+        folder.path(),
+        &["--out", out.to_str().unwrap(), "--prove", "1"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let rows = csv(&out.join("table.csv"));
+    let names = column(&rows, "record");
+    let [a, b] = ["A-H1.csv + A-H2.csv", "B-H1.csv + B-H2.csv"];
+    assert_eq!(names, [a, a, b, b]);
+    assert_eq!(column(&rows, "intensity"), ["0.5", "1.0", "0.5", "1.0"]);
+    // Linear: twice the level is twice the response, in both directions.
+    for name in ["peak_x1", "peak_x2"] {
+        let peaks: Vec<f64> = column(&rows, name)
+            .iter()
+            .map(|cell| cell.parse().unwrap())
+            .collect();
+        for pair in peaks.chunks(2) {
+            assert!((pair[1] / pair[0] - 2.0).abs() < 1e-9, "{name} {peaks:?}");
+        }
+    }
+    let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+    assert!(summary.contains("RotD50(0.500 s)"));
+}
+
+#[test]
+fn missing_partner_names_both_files() {
+    let folder = of_pairs("");
+    fs::remove_file(folder.path().join("pairs/B-H2.csv")).unwrap();
+    let said = command("plan", folder.path(), &["--out", "out"]);
+    assert_eq!(said.code, Some(2));
+    for word in ["pairs/B-H1.csv", "B-H2.csv", "study.toml:4:"] {
+        assert!(said.stderr.contains(word), "{}", said.stderr);
+    }
+}
+
+#[test]
+fn wrong_pairs_are_refused() {
+    let sa = "intensity = \"sa\"\nperiod_s = 0.5\nvalues = [0.5]\nunit = \"m/s2\"\n";
+    let study = |text: &str| fs::read_to_string(of_pairs(text).path().join("study.toml")).unwrap();
+    let plain = study("");
+    let components = "components = [\"*-H1.csv\", \"*-H2.csv\"]\n";
+    for (text, words) in [
+        (study(sa), "\"rotd50\""),
+        (plain.replace("*-H1.csv", "A-H1.csv"), "exactly one `*`"),
+        (plain.replace("*-H2.csv", "*-H1.csv"), "same file"),
+        (
+            plain
+                .replace("*-H1.csv", "*-N.csv")
+                .replace("*-H2.csv", "*-E.csv"),
+            "no pairs",
+        ),
+        (plain.replace(components, ""), "give `components`"),
+        (
+            plain.replace("folder = \"pairs\"", "files = [\"pairs/A-H1.csv\"]"),
+            "needs `folder`",
+        ),
+        (
+            plain.replace(components, "") + "intensity = \"rotd50\"\n",
+            "needs `components`",
+        ),
+        (plain.replace("plan.toml", "frame.toml"), "two components"),
+        (
+            study("intensity = \"rotd50\"\ndamping_ratio = 0.02\n"),
+            "5 % damping",
+        ),
+    ] {
+        let folder = of_pairs("");
+        fs::write(folder.path().join("study.toml"), &text).unwrap();
+        let said = command("plan", folder.path(), &["--out", "out"]);
+        assert_eq!(said.code, Some(2), "{text}");
+        assert!(said.stderr.contains(words), "{words}:\n{}", said.stderr);
+    }
+}
+
 /// Each study has one mistake: the message names file and line, and has these words.
 #[test]
 fn wrong_studies_are_refused_at_their_line() {

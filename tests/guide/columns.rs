@@ -65,7 +65,7 @@ pub fn columns() -> String {
          This page lists every column of the recorded samples.\n\n\
          `samples.json` in the run folder lists the columns of a run in their order, with name, unit and meaning. \
          `gusset export` writes the same columns. In the names below `N` is a degree of freedom, `S` a specimen, `A` an axis and \
-         `C` a coordinate of a loading unit. All count from 1. Which columns a run has depends on its test file.\n\n\
+         `C` a coordinate of a loading unit. All count from 1. `D` is a direction, x, y or z, or the number of a component. Which columns a run has depends on its test file.\n\n\
          ## Columns of a test\n\n| column | unit | meaning | origin | recorded |\n|---|---|---|---|---|\n",
     );
     let first = TEST.iter().take_while(|kind| !kind.is_timing());

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use super::examples::Examples;
-use super::schema::{Schema, choices, in_toml, joined};
+use super::schema::{Schema, choices, in_toml, joined, one_of_list};
 use super::values::{
     FEW, described, description_of, indented, linked, list_words, one_of, range, unit,
     word_choices, words_of,
@@ -100,6 +100,7 @@ impl<'a> Reference<'a> {
                 continue;
             }
             for (key, child) in keys_of(definition) {
+                let child = one_of_list(child).unwrap_or(child);
                 let (resolved, _) = schema.resolve(child);
                 let path = joined(&path, key);
                 let unnamed = joined(&owner, key);
@@ -240,13 +241,16 @@ impl<'a> Reference<'a> {
         headings: &BTreeMap<String, String>,
         text: &mut String,
     ) {
-        let (resolved, name) = self.schema.resolve(node);
+        let one = one_of_list(node);
+        let is_either = one.is_some();
+        let (resolved, name) = self.schema.resolve(one.unwrap_or(node));
         let path = joined(&section.path, key);
         let item = resolved.get("items");
         let (of_item, item_name) = item.map_or((resolved, name), |item| self.schema.resolve(item));
         let owner = item_name.map_or_else(|| joined(&section.owner, key), str::to_owned);
         let own = bracketed(&path, item.is_some());
         let kind = match item {
+            None if is_either => "table or list of tables",
             Some(_) => "list of tables",
             None if word_choices(of_item).is_empty() => "table",
             None => "table or word",

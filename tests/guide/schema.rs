@@ -139,6 +139,14 @@ impl Schema {
     }
 }
 
+/// The table of a node that takes one table or a list of them.
+pub fn one_of_list(node: &Value) -> Option<&Value> {
+    let [one, list] = choices(node)?.as_slice() else {
+        return None;
+    };
+    (list.get("items") == Some(one)).then_some(one)
+}
+
 /// The choices of a node that has some.
 pub fn choices(node: &Value) -> Option<&Vec<Value>> {
     let choices = node.get("oneOf").or_else(|| node.get("anyOf"));

@@ -462,6 +462,7 @@ fn damper_has_its_force_on_the_move() {
         "bilinear = { stiffness_n_per_m = 2e6, yield_force_n = 20e3, post_yield_ratio = 0.05 }";
     // 25e3 N (s/m)^0.4, at half the speed.
     let power = "power_damper = { force_at_unit_velocity_n = 32987.7, exponent = 0.4, reference_damping_n_s_per_m = 1e6 }";
+    let rubber = "parallel = [{ linear = { stiffness_n_per_m = 5e5 } }, { maxwell = { stiffness_n_per_m = 5e5, force_at_unit_velocity_n = 3e5 } }]";
     for (device, law, lags, delay, most) in [
         ("damper", damper, false, &["--delay-ms", "0"][..], 0.003),
         (
@@ -472,6 +473,7 @@ fn damper_has_its_force_on_the_move() {
             0.003,
         ),
         ("power", power, false, &["--delay-ms", "0"], 0.01),
+        ("rubber", rubber, false, &["--delay-ms", "10"], 0.01),
         (
             "bilinear",
             brace,

@@ -75,7 +75,7 @@ const WEN: &str = "bouc_wen = { stiffness_n_per_m = 9e6, yield_force_n = 60e3, \
                    post_yield_ratio = 0.08, beta = 0.55, gamma = 0.45, exponent = 1.6 }";
 
 /// One of every kind, and more of the kinds that have several faces. True: not linear.
-const LAWS: [(&str, bool); 27] = [
+const LAWS: [(&str, bool); 28] = [
     (
         "linear = { stiffness_n_per_m = 9e6, damping_n_s_per_m = 9e4 }",
         false,
@@ -194,6 +194,10 @@ const LAWS: [(&str, bool); 27] = [
          largest_penetration_m = 0.03, least_impact_velocity_m_per_s = 0.2 }",
         true,
     ),
+    (
+        "maxwell = { stiffness_n_per_m = 1e7, force_at_unit_velocity_n = 4e5, exponent = 0.5 }",
+        true,
+    ),
 ];
 
 /// No wildcard: a new kind of law must be added here.
@@ -215,12 +219,13 @@ fn kind(law: &LawSpec) -> usize {
         LawSpec::BucklingRestrained(_) => 13,
         LawSpec::SelfCentring(_) => 14,
         LawSpec::Pounding(_) => 15,
+        LawSpec::Maxwell(_) => 16,
     }
 }
 
 #[test]
 fn every_law_equals_its_element() {
-    let mut kinds = [false; 16];
+    let mut kinds = [false; 17];
     for (law, nonlinear) in LAWS {
         kinds[kind(&toml::from_str(law).unwrap())] = true;
         for (storey, storeys, from) in [

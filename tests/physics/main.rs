@@ -6,6 +6,7 @@ mod common;
 mod link_common;
 
 mod companions;
+mod components;
 mod frames;
 mod frames_of_reference;
 mod geometry;
@@ -15,5 +16,6 @@ mod independent;
 mod massless;
 mod paper;
 mod prescribed;
+mod supports;
 mod tracking_effect;
 mod transfer;

@@ -211,6 +211,35 @@ fn inertia_shears_equal_storey_forces() {
     }
 }
 
+/// Two components of a shear building: each enters the absolute acceleration of a floor by its own influence.
+#[test]
+fn components_enter_absolute_values() {
+    let temp = tempfile::tempdir().unwrap();
+    let test = FRAME.without("excitation.ground_acceleration").without("structure.damping").with(
+        "[[excitation.ground_acceleration]]\ninfluence = [1, 1]\nsignal.sine = { amplitude = 3, frequency_hz = 2 }\n\
+         [[excitation.ground_acceleration]]\ninfluence = [0, 0.5]\nsignal.sine = { amplitude = 2, frequency_hz = 5 }\n",
+    );
+    let (said, csv) = exported_with(temp.path(), &test, ALL);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found = columns_of(&csv);
+    let at = |name: &str, k: usize| found[name][k];
+    for k in 0..101 {
+        let [first, second] = ["ground_1", "ground_2"].map(|name| at(name, k));
+        assert!((at("abs_a1", k) - at("a1", k) - first).abs() < 1e-12);
+        assert!((at("abs_a2", k) - at("a2", k) - first - 0.5 * second).abs() < 1e-12);
+        // Undamped: the lower storey carries the force of the specimen.
+        assert!((at("shear1", k) - at("force_1_1", k)).abs() < 1e-6);
+    }
+    let page = fs::read_to_string(temp.path().join("run/report.html")).unwrap();
+    for title in [
+        "Ground motion, 1",
+        "Ground motion, 2",
+        "relative to the ground",
+    ] {
+        assert!(page.contains(title), "{title}");
+    }
+}
+
 #[test]
 fn displaced_base_has_absolute_values() {
     let temp = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A portal frame with a device at its top, which is a specimen behind a gateway of Gusset: a spring, a yielding brace or a damper.
+"""A portal frame with a device at its top, which is a specimen behind a gateway of Gusset: a spring, a yielding brace, a damper or relaxing rubber.
 
     device.py --port 8090 --device damper [--delay-ms 10] [--random]
 
@@ -35,6 +35,10 @@ def material(ops, device):
         ops.uniaxialMaterial("Elastic", 1, 1e6)
     elif device == "bilinear":
         ops.uniaxialMaterial("Steel01", 1, 20e3, 2e6, 0.05)
+    elif device == "rubber":
+        ops.uniaxialMaterial("Elastic", 2, 5e5)
+        ops.uniaxialMaterial("ViscousDamper", 3, 5e5, 1.5e5, 1.0)
+        ops.uniaxialMaterial("Parallel", 1, 2, 3)
     elif device == "damper":
         ops.uniaxialMaterial("Viscous", 1, 0.2 * CRITICAL, 1.0)
     else:
@@ -85,7 +89,7 @@ def advance(ops, a, step):
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--port", type=int, required=True, help="of the gateway")
-    p.add_argument("--device", choices=("elastic", "bilinear", "damper", "power"), default="damper")
+    p.add_argument("--device", choices=("elastic", "bilinear", "damper", "power", "rubber"), default="damper")
     p.add_argument("--steps", type=int, default=300)
     p.add_argument("--dt", type=float, default=0.01, help="in s")
     p.add_argument("--delay-ms", type=float, default=0.0, help="before each step")

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""The plane frame of a test file in OpenSees: displacements under the static loads, frequencies, and the course under a ground motion.
+"""The frame of a test file in OpenSees: displacements under the static loads, frequencies, and the course under a ground motion.
 
 Usage: frame.py TEST.toml [SUBSTEPS]
 Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...], "course": {node: [[x, y, rz], ...]},
-"forces": [[[axial force, moment at the start, moment at the end], ...], ...]}
+"forces": [[[axial force, moment at the start, moment at the end], ...], ...]}; in space nodes have x, y, z, rx, ry, rz, and members six forces.
 Without SUBSTEPS it tells the frequencies at rest, if all members are elastic. With SUBSTEPS it tells the course, which has one row for each step of the
 test, and that of the forces of each member with `record = true`; each step is made in so many of Newmark's method with Newton's iteration. The ground moves as `excitation.ground_acceleration.signal.sine`.
 """
@@ -15,7 +15,8 @@ import tomllib
 
 import peer
 
-DIRECTIONS = {"x": 1, "y": 2, "rz": 3}
+PLANE = {"x": 1, "y": 2, "rz": 3}
+SPACE = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 # OpenSees needs twice as many directions with mass.
 MODES = 3
 
@@ -33,33 +34,44 @@ def circle(radius, bottom, top):
     return above[0] - below[0], above[1] - below[1]
 
 
-def strip(centre, depth, width, layers):
-    """Layers of a rectangle: (y, area)."""
-    each = depth / layers
-    return [(centre - depth / 2 + (i + 0.5) * each, each * width) for i in range(layers)]
+def strip(y, depth, width, layers, across=1, z=0.0):
+    """Fibres of a rectangle around y and z: (y, z, area)."""
+    each, wide = depth / layers, width / across
+    return [(y - depth / 2 + (i + 0.5) * each, z + (k + 0.5 - across / 2) * wide, each * wide)
+            for i in range(layers) for k in range(across)]
 
 
-def fibres(section):
-    """Fibres of a section, (y, area, material), as the guide describes them."""
+def fibres(section, in_space):
+    """Fibres of a section, (y, z, area, material), as the guide describes them."""
     (kind, s), = section.items()
     if kind == "fibres":
-        return [(f["y_m"], f["area_m2"], f["material"]) for f in s]
+        return [(f["y_m"], f.get("z_m", 0.0), f["area_m2"], f["material"]) for f in s]
     layers = s.get("layers", 20)
+    across = s.get("layers_across", 8) if in_space else 1
     if kind == "rc_rectangle":
         cover, b, h = s["cover_m"], s["width_m"], s["depth_m"]
         inside, few = h - 2 * cover, max(int(cover / (h - 2 * cover) * layers), 1)
-        edge = strip(-(h - cover) / 2, cover, b, few) + strip(0, inside, 2 * cover, layers) + strip((h - cover) / 2, cover, b, few)
-        core = strip(0, inside, b - 2 * cover, layers)
-        bars = [(-inside / 2, s["bottom_area_m2"]), (0.0, s.get("middle_area_m2", 0)), (inside / 2, s["top_area_m2"])]
-        return ([(y, a, s["concrete"]) for y, a in edge] + [(y, a, s.get("core", s["concrete"])) for y, a in core]
-                + [(y, a, s["steel"]) for y, a in bars if a > 0])
+        clear = b - 2 * cover
+        sides = (-0.5, 0.5) if in_space else (0.0,)
+        edge = strip(-(h - cover) / 2, cover, b, few, across) + strip((h - cover) / 2, cover, b, few, across)
+        bars = []
+        for side in sides:
+            edge += strip(0, inside, 2 * cover / len(sides), layers, 1, side * (b - cover))
+            bars += [(y, side * clear, s.get(key, 0) / len(sides)) for y, key in
+                     ((-inside / 2, "bottom_area_m2"), (0.0, "middle_area_m2"), (inside / 2, "top_area_m2"))]
+        core = strip(0, inside, clear, layers, across)
+        return ([(*at, s["concrete"]) for at in edge] + [(*at, s.get("core", s["concrete"])) for at in core]
+                + [(*at, s["steel"]) for at in bars if at[2] > 0])
     if kind == "rectangle":
-        cut = strip(0, s["depth_m"], s["width_m"], layers)
+        cut = strip(0, s["depth_m"], s["width_m"], layers, across)
     elif kind == "i_shape":
         h, f = s["depth_m"], s["flange_thickness_m"]
         few = -(-layers // 5)
-        cut = (strip(-(h - f) / 2, f, s["flange_width_m"], few) + strip(0, h - 2 * f, s["web_thickness_m"], max(layers - 2 * few, 1))
-               + strip((h - f) / 2, f, s["flange_width_m"], few))
+        cut = (strip(-(h - f) / 2, f, s["flange_width_m"], few, across)
+               + strip(0, h - 2 * f, s["web_thickness_m"], max(layers - 2 * few, 1))
+               + strip((h - f) / 2, f, s["flange_width_m"], few, across))
+    elif in_space:
+        cut = sectors(s["diameter_m"] / 2, s["diameter_m"] / 2 - s["thickness_m"] if kind == "tube" else 0, layers)
     else:
         d = s["diameter_m"]
         inner = d - 2 * s["thickness_m"] if kind == "tube" else 0
@@ -67,8 +79,42 @@ def fibres(section):
         for i in range(layers):
             bottom, top = i * d / layers - d / 2, (i + 1) * d / layers - d / 2
             (a, m), (b, n) = circle(d / 2, bottom, top), circle(inner / 2, bottom, top)
-            cut.append(((m - n) / (a - b), a - b))
-    return [(y, a, s["material"]) for y, a in cut]
+            cut.append(((m - n) / (a - b), 0.0, a - b))
+    return [(*at, s["material"]) for at in cut]
+
+
+def sectors(outer, inner, count):
+    """A ring in sectors, each at its centre of area."""
+    rings, half, cut = 2 if inner > 0 else -(-count // 4), math.pi / count, []
+    for ring in range(rings):
+        a, b = (inner + (outer - inner) * edge / rings for edge in (ring, ring + 1))
+        radius = 2 / 3 * (b**3 - a**3) / (b**2 - a**2) * math.sin(half) / half
+        cut += [(radius * math.cos((2 * k + 1) * half), radius * math.sin((2 * k + 1) * half), (b**2 - a**2) * half)
+                for k in range(count)]
+    return cut
+
+
+def torsion(section, materials):
+    """G J with G = E/2.6."""
+    (kind, s), = section.items()
+    young = s["young_pa"] if "young_pa" in s else first_modulus(materials[s["material"]])
+    if kind == "elastic":
+        j = s["torsion_m4"]
+    elif kind == "rectangle":
+        long, short = max(s["width_m"], s["depth_m"]), min(s["width_m"], s["depth_m"])
+        t = short / long
+        j = long * short**3 * (1 / 3 - 0.21 * t * (1 - t**4 / 12))
+    elif kind == "i_shape":
+        f, w = s["flange_thickness_m"], s["web_thickness_m"]
+        j = (2 * s["flange_width_m"] * f**3 + (s["depth_m"] - 2 * f) * w**3) / 3
+    else:
+        d = s["diameter_m"]
+        j = math.pi / 32 * (d**4 - (d - 2 * s["thickness_m"] if kind == "tube" else 0)**4)
+    return young / 2.6 * j
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 def rigidity(section, materials):
@@ -77,7 +123,7 @@ def rigidity(section, materials):
     if kind == "elastic":
         return s["young_pa"], s["area_m2"], s["inertia_m4"]
     if "young_pa" not in s:
-        moduli = [(y, a * first_modulus(materials[name])) for y, a, name in fibres(section)]
+        moduli = [(y, a * first_modulus(materials[name])) for y, _, a, name in fibres(section, False)]
         return 1.0, sum(ea for _, ea in moduli), sum(ea * y * y for y, ea in moduli)
     if kind == "rectangle":
         b, h = s["width_m"], s["depth_m"]
@@ -89,6 +135,21 @@ def rigidity(section, materials):
     d = s["diameter_m"]
     inner = d - 2 * s["thickness_m"] if kind == "tube" else 0
     return s["young_pa"], math.pi / 4 * (d**2 - inner**2), math.pi / 64 * (d**4 - inner**4)
+
+
+def weak_inertia(section, materials):
+    """Second moment of area over the width, to the modulus of `rigidity`."""
+    (kind, s), = section.items()
+    if kind != "elastic" and "young_pa" not in s:
+        return sum(z * z * a * first_modulus(materials[name]) for _, z, a, name in fibres(section, True))
+    if kind == "elastic":
+        return s["weak_inertia_m4"]
+    if kind == "rectangle":
+        return s["depth_m"] * s["width_m"]**3 / 12
+    if kind == "i_shape":
+        b, f, w = s["flange_width_m"], s["flange_thickness_m"], s["web_thickness_m"]
+        return (2 * f * b**3 + (s["depth_m"] - 2 * f) * w**3) / 12
+    return rigidity(section, {})[2]
 
 
 def first_modulus(material):
@@ -138,7 +199,9 @@ class Model:
 
     def __init__(self, frame):
         ops.wipe()
-        ops.model("basic", "-ndm", 2, "-ndf", 3)
+        self.in_space = frame.get("dimension", 2) == 3
+        self.directions = SPACE if self.in_space else PLANE
+        ops.model("basic", "-ndm", 3 if self.in_space else 2, "-ndf", len(self.directions))
         self.frame, self.tags, self.next = frame, {}, 10_000
         self.recorded = []
         self.is_elastic = True
@@ -146,9 +209,10 @@ class Model:
             self.tags[node["name"]] = tag
             ops.node(tag, *map(float, node["at_m"]))
             fixed = node.get("fixed", [])
-            ops.fix(tag, *(int(name in fixed) for name in DIRECTIONS))
-            mass = float(node.get("mass_kg", 0))
-            ops.mass(tag, mass, mass, float(node.get("rotary_mass_kg_m2", 0)))
+            ops.fix(tag, *(int(name in fixed) for name in self.directions))
+            mass = [float(node.get("mass_kg", 0))] * 3
+            turning = [*map(float, node.get("tilting_mass_kg_m2", [0, 0])), float(node.get("rotary_mass_kg_m2", 0))]
+            ops.mass(tag, *(mass + turning if self.in_space else mass[:2] + turning[2:]))
         self.materials = {}
         for name, of in frame.get("material", {}).items():
             self.materials[name] = self.new()
@@ -160,15 +224,18 @@ class Model:
         for constraint in frame.get("constraint", []):
             (kind, c), = constraint.items()
             for name in c["nodes"]:
-                if kind == "rigid":
+                if kind == "diaphragm" and self.in_space:
+                    ops.rigidDiaphragm(3, self.tags[c["master"]], self.tags[name])
+                elif kind == "rigid":
                     ops.rigidLink("beam", self.tags[c["master"]], self.tags[name])
                 else:
                     along = c["directions"] if kind == "equal" else ["x"]
-                    ops.equalDOF(self.tags[c["master"]], self.tags[name], *(DIRECTIONS[d] for d in along))
+                    ops.equalDOF(self.tags[c["master"]], self.tags[name], *(self.directions[d] for d in along))
         ops.timeSeries("Linear", 1)
         ops.pattern("Plain", 1, 1)
         for load in frame.get("load", []):
-            ops.load(self.tags[load["node"]], *(float(load.get(key, 0)) for key in ("x_n", "y_n", "rz_n_m")))
+            keys = (name + ("_n_m" if "r" in name else "_n") for name in self.directions)
+            ops.load(self.tags[load["node"]], *(float(load.get(key, 0)) for key in keys))
 
     def new(self):
         self.next += 1
@@ -183,21 +250,33 @@ class Model:
         kind = member.get("kind", "elastic")
         if kind == "truss":
             self.is_elastic = False
-            parts = fibres(section)
-            ops.element("Truss", tag, start, end, sum(a for _, a, _ in parts), self.materials[parts[0][2]])
+            parts = fibres(section, False)
+            ops.element("Truss", tag, start, end, sum(a for _, _, a, _ in parts), self.materials[parts[0][3]])
             return
-        offsets = [float(v) for key in ("offset_start_m", "offset_end_m") for v in member.get(key, [0, 0])]
-        ops.geomTransf("PDelta" if member.get("p_delta") else "Linear", tag, "-jntOffset", *offsets)
+        none = [0, 0, 0] if self.in_space else [0, 0]
+        offsets = [[float(v) for v in member.get(key, none)] for key in ("offset_start_m", "offset_end_m")]
+        z = []
+        if self.in_space:
+            first, last = ([x + o for x, o in zip(ops.nodeCoord(node), by)] for node, by in zip((start, end), offsets))
+            way = [b - a for a, b in zip(first, last)]
+            upright = abs(way[0]) + abs(way[1]) < 1e-6 * abs(way[2])
+            z = cross(way, member.get("orientation", [1, 0, 0] if upright else [0, 0, 1]))
+        ops.geomTransf("PDelta" if member.get("p_delta") else "Linear", tag, *map(float, z), "-jntOffset", *offsets[0], *offsets[1])
+        twists = member.get("torsion_n_m2") or torsion(section, frame.get("material", {})) if self.in_space else 0.0
         if kind == "elastic":
             start, end = self.hinge(start, member.get("hinge_start"), 1), self.hinge(end, member.get("hinge_end"), -1)
             young, area, inertia = rigidity(section, frame.get("material", {}))
             release = sum({"start": 1, "end": 2}[side] for side in member.get("release", []))
-            ops.element("elasticBeamColumn", tag, start, end, area, young, inertia, tag, "-release", release)
+            if self.in_space:
+                ops.element("elasticBeamColumn", tag, start, end, area, young, young / 2.6, twists / young * 2.6, weak_inertia(section, frame.get("material", {})),
+                            inertia, tag, "-releasez", release, "-releasey", release)
+            else:
+                ops.element("elasticBeamColumn", tag, start, end, area, young, inertia, tag, "-release", release)
             return
         self.is_elastic = False
-        ops.section("Fiber", tag)
-        for y, area, name in fibres(section):
-            ops.fiber(y, 0.0, area, self.materials[name])
+        ops.section("Fiber", tag, *(["-GJ", twists] if self.in_space else []))
+        for y, z, area, name in fibres(section, self.in_space):
+            ops.fiber(y, z, area, self.materials[name])
         if kind == "force_based":
             ops.beamIntegration("Lobatto", tag, tag, member.get("points", 5))
             ops.element("forceBeamColumn", tag, start, end, tag, tag, "-iter", 50, 1e-14)
@@ -228,7 +307,7 @@ class Model:
         if link["direction"] == "axial":
             ops.element("twoNodeLink", tag, start, end, "-mat", tag, "-dir", 1)
         else:
-            ops.element("zeroLength", tag, start, end, "-mat", tag, "-dir", {"x": 1, "y": 2, "rz": 3}[link["direction"]])
+            ops.element("zeroLength", tag, start, end, "-mat", tag, "-dir", self.directions[link["direction"]])
 
 
 def settle(tolerance):

@@ -72,6 +72,7 @@ impl GroundArgs {
                         zero_tail: true,
                         ..Processing::default()
                     },
+                    delay_s: 0.0,
                 }
             }
             None => synthetic(seed),

@@ -6,7 +6,7 @@ use super::super::table::Table;
 use super::{Checked, damping, frame, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
-use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
+use gusset_motion::{Corrected, Quantity, RecordFacts, STANDARD_GRAVITY, Scaled, Signal};
 use gusset_quantity::units::{duration, number, quantity, rate};
 use gusset_session::integration;
 use gusset_session::rehearsal::{FullRehearsal, Need, Rehearsal};
@@ -109,15 +109,24 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
     let excitation = &loaded.file.excitation;
     let structure = facts.structure.as_ref();
     let mut parts = Vec::new();
-    if let Some(ground) = &excitation.ground_acceleration {
-        let peak = structure.and_then(|structure| structure.peak_ground_accel);
-        let peak = peak.map(|peak| format!(", peak {}", acceleration(peak)));
-        let kind = kind(&ground.signal);
-        let peak = peak.unwrap_or_default();
-        parts.push(format!("ground acceleration ({kind}{peak})"));
+    let grounds = excitation.ground_acceleration.all();
+    if !grounds.is_empty() {
+        let kinds: Vec<&str> = grounds.iter().map(|ground| kind(&ground.signal)).collect();
+        let peaks = structure.map_or(&[][..], |structure| &structure.grounds);
+        let peaks = peaks.iter().map(|ground| match ground.suffix.as_str() {
+            "" => format!(", peak {}", acceleration(ground.peak)),
+            of => format!(", peak of {of} {}", acceleration(ground.peak)),
+        });
+        let (kinds, peaks) = (kinds.join(" and "), peaks.collect::<String>());
+        parts.push(format!("ground acceleration ({kinds}{peaks})"));
     }
     if let Some(base) = &excitation.base_displacement {
         parts.push(format!("base displacement ({})", kind(&base.signal)));
+    }
+    match excitation.support_motion.as_slice() {
+        [] => {}
+        [one] => parts.push(format!("motion of a support ({})", kind(&one.signal))),
+        several => parts.push(format!("{} motions of supports", several.len())),
     }
     match excitation.nodal_force.as_slice() {
         [] => {}
@@ -147,12 +156,65 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
         false => parts.join("; "),
     };
     table.row("excitation", &text);
+    if let Some(scaled) = structure.and_then(|structure| structure.scaled.as_ref()) {
+        table.row("scaling", &of_scaling(scaled));
+    }
+    for (key, corrected) in &facts.corrected {
+        table.row("displacement", &of_corrected(key, corrected));
+    }
     for record in facts.records.iter().take(LISTED) {
         table.row("record", &of_record(record));
     }
     if let Some(more @ 1..) = facts.records.len().checked_sub(LISTED) {
         table.row("record", &format!("{more} more: --verbose shows them"));
     }
+}
+
+/// The common factor of all components, and the measure before and after.
+pub(super) fn of_scaling(scaled: &Scaled) -> String {
+    let (factor, measure) = (number(scaled.factor), scaled.measure.words());
+    match (scaled.periods.as_slice(), &scaled.spectrum) {
+        ([period], _) => format!(
+            "factor {factor}: {measure} at {} is {} before and {} after",
+            quantity(*period, "s"),
+            acceleration(scaled.before[0]),
+            acceleration(scaled.after[0])
+        ),
+        (periods, spectrum) => {
+            let [first, last] = [periods.first(), periods.last()]
+                .map(|period| quantity(period.copied().unwrap_or(0.0), "s"));
+            let [before, after] = scaled.misfit().map(number);
+            format!(
+                "factor {factor}: from {first} to {last} the root mean square of ln({measure}/target) is {before} before and \
+                 {after} after; target {}",
+                spectrum.as_deref().unwrap_or_default()
+            )
+        }
+    }
+}
+
+/// How an acceleration became a displacement.
+pub(super) fn of_corrected(key: &str, corrected: &Corrected) -> String {
+    let [disp, vel, accel] = corrected.peaks;
+    let kept = corrected.spectrum.iter().map(|[period, before, after]| {
+        let share = if *before > 0.0 {
+            100.0 * after / before
+        } else {
+            0.0
+        };
+        format!("{share:.0} % at {}", quantity(*period, "s"))
+    });
+    let kept: Vec<String> = kept.collect();
+    format!(
+        "{key}: corner frequency {} for a stroke of {}; peaks {}, {}, and {} of {}; kept of the spectral acceleration: {}",
+        quantity(corrected.corner_hz, "Hz"),
+        quantity(corrected.stroke, "m"),
+        quantity(disp, "m"),
+        quantity(vel, "m/s"),
+        quantity(accel, "m/s²"),
+        quantity(corrected.peak_before, "m/s²"),
+        kept.join(", ")
+    )
 }
 
 /// The largest nodal force and its DOF.

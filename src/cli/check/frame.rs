@@ -50,7 +50,7 @@ pub(super) fn tabulate(
 }
 
 fn nodes(table: &mut Table, structure: &StructureFacts, spec: &FrameSpec, listed: usize) {
-    let mut rows = vec![["x", "y", "mass", "fixed", "DOFs"].map(str::to_owned)];
+    let mut rows = vec![["at", "mass", "fixed", "DOFs"].map(str::to_owned)];
     rows.extend(spec.node.iter().map(|node| {
         let own = Direction::ALL.iter().filter_map(|direction| {
             let place = format!("{} {}", node.name, direction.word());
@@ -59,19 +59,14 @@ fn nodes(table: &mut Table, structure: &StructureFacts, spec: &FrameSpec, listed
         });
         let own: Vec<String> = own.collect();
         let fixed: Vec<&str> = node.fixed.iter().map(|one| one.word()).collect();
-        let [x, y] = node.at_m.map(|at| quantity(at, "m"));
+        let at: Vec<String> = node.at_m.iter().map(|at| number(*at)).collect();
+        let at = format!("({}) m", at.join(", "));
         let rotary = match node.rotary_mass_kg_m2 {
             0.0 => String::new(),
             rotary => format!(", {} kg m²", number(rotary)),
         };
         let mass = format!("{}{rotary}", mass(node.mass_kg));
-        [
-            x,
-            y,
-            mass,
-            or_dash(fixed.join(" ")),
-            or_dash(own.join(", ")),
-        ]
+        [at, mass, or_dash(fixed.join(" ")), or_dash(own.join(", "))]
     }));
     let names = spec.node.iter().map(|node| node.name.as_str());
     let order: Vec<usize> = (0..spec.node.len()).collect();

@@ -5,9 +5,10 @@ use serde_json::{Value, json};
 use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
 use super::{Checked, commands, damping, frame};
-use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
+use gusset_motion::{Corrected, Quantity, RecordFacts, STANDARD_GRAVITY, Scaled};
 use gusset_proof::Stability;
-use gusset_setup::StructureFacts;
+use gusset_quantity::catalog::column;
+use gusset_setup::{GroundFacts, StructureFacts};
 
 /// The whole document.
 pub(super) fn document(checked: &Checked<'_>) -> Value {
@@ -32,6 +33,7 @@ pub(super) fn document(checked: &Checked<'_>) -> Value {
             .collect::<Vec<_>>(),
         "rehearsal": full.map(rehearsed::as_json),
         "record": facts.records.first().map(record_json),
+        "displacements": facts.corrected.iter().map(corrected_json).collect::<Vec<_>>(),
         "records": facts.records.iter().map(record_json).collect::<Vec<_>>(),
         "limits": facts.limits,
         "warnings": facts.warnings,
@@ -75,7 +77,51 @@ fn structure_json(checked: &Checked<'_>, structure: &StructureFacts) -> Value {
         "highest_frequency_rad_per_s": spectrum.and_then(|spectrum| spectrum.highest),
         "critical_delays": spectrum.map(delays_json),
         "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
+        "grounds": structure.grounds.iter().map(ground_json).collect::<Vec<_>>(),
+        "scaling": structure.scaled.as_ref().map(scaling_json),
         "peak_nodal_force_n": structure.peak_nodal_force.map(|(_, peak)| peak),
+    })
+}
+
+/// A displacement that was made of an acceleration.
+fn corrected_json((key, corrected): &(String, Corrected)) -> Value {
+    let [disp, vel, accel] = corrected.peaks;
+    let spectrum = corrected.spectrum.iter().map(|[period, before, after]| {
+        json!({ "period_s": period, "before_m_per_s2": before, "after_m_per_s2": after })
+    });
+    json!({
+        "key": key,
+        "corner_hz": corrected.corner_hz,
+        "stroke_m": corrected.stroke,
+        "peak_m": disp,
+        "peak_m_per_s": vel,
+        "peak_m_per_s2": accel,
+        "peak_before_m_per_s2": corrected.peak_before,
+        "spectrum": spectrum.collect::<Vec<_>>(),
+    })
+}
+
+/// A recorded ground acceleration.
+fn ground_json(ground: &GroundFacts) -> Value {
+    json!({
+        "column": column::GROUND.of_component(&ground.suffix),
+        "peak_m_per_s2": ground.peak,
+    })
+}
+
+/// `structure.scaling`.
+fn scaling_json(scaled: &Scaled) -> Value {
+    let [before, after] = scaled.misfit();
+    json!({
+        "target": scaled.measure,
+        "factor": scaled.factor,
+        "spectrum": scaled.spectrum,
+        "periods_s": scaled.periods,
+        "target_m_per_s2": scaled.target,
+        "before_m_per_s2": scaled.before,
+        "after_m_per_s2": scaled.after,
+        "misfit_before": before,
+        "misfit_after": after,
     })
 }
 

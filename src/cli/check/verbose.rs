@@ -2,7 +2,7 @@
 
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
-use super::brief::{of_peak_nodal_force, of_record, of_test};
+use super::brief::{of_corrected, of_peak_nodal_force, of_record, of_scaling, of_test};
 use super::{Checked, damping, frame};
 use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
@@ -17,6 +17,9 @@ pub(super) fn tabulate(table: &mut Table, checked: &Checked<'_>) {
     table.row("test", &of_test(facts));
     for record in &facts.records {
         table.row("record", &of_record(record));
+    }
+    for (key, corrected) in &facts.corrected {
+        table.row("displacement", &of_corrected(key, corrected));
     }
     if let Some(structure) = &facts.structure {
         describe(table, checked, structure);
@@ -136,11 +139,16 @@ fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
 }
 
 fn of_loads(table: &mut Table, structure: &StructureFacts) {
-    if let Some(peak) = structure.peak_ground_accel {
-        table.row(
-            "ground",
-            &format!("peak acceleration {}", quantity(peak, "m/s²")),
-        );
+    for ground in &structure.grounds {
+        let name = match ground.suffix.as_str() {
+            "" => "ground".to_owned(),
+            of => format!("ground {of}"),
+        };
+        let peak = format!("peak acceleration {}", quantity(ground.peak, "m/s²"));
+        table.row(&name, &peak);
+    }
+    if let Some(scaled) = &structure.scaled {
+        table.row("scaling", &of_scaling(scaled));
     }
     if let Some(text) = of_peak_nodal_force(structure) {
         table.row("nodal forces", &text);

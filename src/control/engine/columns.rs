@@ -12,8 +12,9 @@ use super::port_columns::{named, of_test, port_columns, port_values, width_of_ax
 use super::tick::Tick;
 use crate::port::Port;
 use gusset_quantity::catalog::column::{
-    ACCEL, BASE, CAUSES, DISP, END_MOMENT, END_ROTATION, GROUND, HEAD, Kind, MEMBER_FORCE,
-    OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, VEL,
+    ACCEL, BASE, CAUSES, DISP, END_MOMENT, END_ROTATION, GROUND, GROUND_COMPONENT, HEAD, Kind,
+    MEMBER_FORCE, OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, TORQUE,
+    TWIST, VEL, WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
@@ -62,6 +63,8 @@ pub struct Row {
     values: Vec<f64>,
     /// Those that are recorded; none given: all in their order.
     dofs: Option<Vec<usize>>,
+    /// Ground accelerations after the first.
+    grounds: Range<usize>,
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
@@ -75,7 +78,7 @@ pub struct Row {
 state! {
     Row { values }
     keeps {
-        word, stopped, cause, commands, lateness, record_before, dofs, disp, vel, accel, members, ports, checks,
+        word, stopped, cause, commands, lateness, record_before, dofs, grounds, disp, vel, accel, members, ports, checks,
         kept
     }
 }
@@ -111,8 +114,23 @@ fn member_columns(columns: &mut Vec<Column>, side: &Side) -> Range<usize> {
                 &START_MOMENT,
                 &END_MOMENT,
             ];
+            let in_space = [
+                &STRETCH,
+                &START_ROTATION,
+                &END_ROTATION,
+                &WEAK_START_ROTATION,
+                &WEAK_END_ROTATION,
+                &TWIST,
+                &MEMBER_FORCE,
+                &START_MOMENT,
+                &END_MOMENT,
+                &WEAK_START_MOMENT,
+                &WEAK_END_MOMENT,
+                &TORQUE,
+            ];
             let (kinds, turns): (&[&Kind], bool) = match member.link_turns() {
                 Some(turns) => (&of_link, turns),
+                None if member.count() > 3 => (&in_space, false),
                 None => (&of_member, false),
             };
             columns.extend(kinds.iter().map(|kind| Column {
@@ -143,9 +161,12 @@ impl Row {
     ) -> (Self, Vec<Column>) {
         let mut columns = Vec::new();
         columns.extend(HEAD.iter().map(of_test));
-        let ground = if moves_its_base(side) { &BASE } else { &GROUND };
-        columns.push(of_test(ground));
+        let mut of_ground = ground_columns(side).into_iter();
+        columns.extend(of_ground.next());
         columns.extend(CAUSES.iter().map(of_test));
+        let start = columns.len();
+        columns.extend(of_ground);
+        let grounds = start..columns.len();
         let block = |columns: &mut Vec<Column>, moves: &Kind, turns: &Kind| {
             let start = columns.len();
             for dof in dofs {
@@ -189,6 +210,7 @@ impl Row {
         columns.extend(TIMING.iter().map(of_test));
         let row = Self {
             dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
+            grounds,
             disp,
             vel,
             accel,
@@ -213,6 +235,7 @@ impl Row {
             record_before: f64::NAN,
             values: vec![0.0; width],
             dofs: None,
+            grounds: 0..0,
             disp: 0..0,
             vel: 0..0,
             accel: 0..0,
@@ -290,6 +313,14 @@ impl Row {
         ];
         if let Some(slots) = self.values.first_chunk_mut() {
             *slots = head;
+        }
+        if let Side::Structure(numerical) = side
+            && let Some(slots) = self.values.get_mut(self.grounds.clone())
+        {
+            let further = numerical.excitation.grounds().iter().skip(1);
+            for (slot, ground) in slots.iter_mut().zip(further) {
+                *slot = ground.at(tick.index());
+            }
         }
         for (place, port) in self.ports.iter().zip(ports) {
             if let Some(slots) = self.values.get_mut(place.range.clone()) {
@@ -380,8 +411,31 @@ pub(super) fn number(count: u64) -> f64 {
     count.cast_signed() as f64
 }
 
-fn moves_its_base(side: &Side) -> bool {
-    matches!(side, Side::Structure(numerical) if numerical.excitation.has_base())
+/// The columns of the ground: one at least.
+fn ground_columns(side: &Side) -> Vec<Column> {
+    let Side::Structure(numerical) = side else {
+        return vec![of_test(&GROUND)];
+    };
+    if numerical.excitation.has_base() {
+        return vec![of_test(&BASE)];
+    }
+    match numerical.excitation.grounds() {
+        [] | [_] => vec![of_test(&GROUND)],
+        several => several
+            .iter()
+            .map(|ground| {
+                let kind = &GROUND_COMPONENT;
+                let component = match ground.suffix.as_str() {
+                    direction @ ("x" | "y" | "z") => format!("direction {direction}"),
+                    number => format!("component {number}"),
+                };
+                Column {
+                    meaning: format!("{}, {component}", kind.meaning),
+                    ..named(kind, kind.of_component(&ground.suffix))
+                }
+            })
+            .collect(),
+    }
 }
 
 /// True if these are all degrees of freedom in their order.

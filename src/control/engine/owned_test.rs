@@ -1,5 +1,6 @@
 //! Everything that a test owns on the loop's thread, and the panic boundary in which the engine runs.
 
+use gusset_numerics::frame::Members;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -268,6 +269,14 @@ impl Test {
             .collect()
     }
 
+    /// What the members of a frame tell; nothing of another test.
+    fn of_members<T>(&self, of: impl FnOnce(&Members) -> Vec<T>) -> Vec<T> {
+        match &self.parts.side {
+            Side::Structure(numerical) => of(numerical.structure.members()),
+            Side::Prescribed(_) | Side::Received(_) => Vec::new(),
+        }
+    }
+
     /// Largest |force| per axis of each specimen, over the whole test. A shutdown knows its own only: what tripped the test before
     /// is no force that it may come to again.
     fn peak_forces(&self) -> impl Iterator<Item = Vec<f64>> {
@@ -312,15 +321,16 @@ impl Test {
             holders: self.ports.iter().map(Port::left_to).collect(),
             steps: place.steps_done(),
             peaks: self.parts.peaks.clone(),
-            demands: match &self.parts.side {
-                Side::Structure(numerical) => {
-                    let demands = numerical.structure.members().demands();
-                    demands
-                        .map(|(name, demand)| (name.to_owned(), demand))
-                        .collect()
-                }
-                Side::Prescribed(_) | Side::Received(_) => Vec::new(),
-            },
+            demands: self.of_members(|members| {
+                let demands = members.demands();
+                demands
+                    .map(|(name, demand)| (name.to_owned(), demand))
+                    .collect()
+            }),
+            over_tension: self.of_members(|members| {
+                let over = members.over_tension();
+                over.map(|(name, both)| (name.to_owned(), both)).collect()
+            }),
             ports: (self.ports.iter().zip(self.peak_forces()))
                 .map(|(port, forces)| {
                     (port.name().to_owned(), forces, port.exchange().full_count())

@@ -33,5 +33,6 @@ pub fn synthetic(seed: u64) -> Motion {
             zero_tail: true,
             ..Processing::default()
         },
+        delay_s: 0.0,
     }
 }

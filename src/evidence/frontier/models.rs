@@ -175,11 +175,12 @@ pub fn moment_frame(columns: usize, storeys: usize) -> FrameSpec {
     let each = (0..=storeys).flat_map(|storey| (0..columns).map(move |column| (column, storey)));
     let node = each.clone().map(|(column, storey)| NodeSpec {
         name: name(column, storey),
-        at_m: [6.0 * column as f64, 3.5 * storey as f64],
+        at_m: vec![6.0 * column as f64, 3.5 * storey as f64],
         mass_kg: if storey > 0 { 10e3 } else { 0.0 },
         rotary_mass_kg_m2: 0.0,
+        tilting_mass_kg_m2: [0.0; 2],
         fixed: match storey {
-            0 => Direction::ALL.to_vec(),
+            0 => Direction::PLANE.to_vec(),
             _ => Vec::new(),
         },
     });
@@ -207,6 +208,7 @@ pub fn moment_frame(columns: usize, storeys: usize) -> FrameSpec {
             flange_thickness_m,
             web_thickness_m,
             layers: 20,
+            layers_across: 8,
         })
     };
     let steel = MaterialSpec::MenegottoPinto(MenegottoPintoSpec::new(2e11, 355e6, 0.01));

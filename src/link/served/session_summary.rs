@@ -25,6 +25,7 @@ fn shares(times: StageTimes) -> StageShares {
     let all_s = times.all_s();
     let share = |seconds: f64| if all_s > 0.0 { seconds / all_s } else { 0.0 };
     StageShares {
+        laboratory_s: all_s,
         correcting: share(times.correcting_s),
         predicting: share(times.predicting_s),
         slowing: share(times.slowing_s),

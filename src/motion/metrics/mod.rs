@@ -14,6 +14,7 @@
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
 //! | [`ground`] | Arias intensity, significant duration, cumulative absolute velocity |
 //! | [`spectrum`] | response spectra (Nigam and Jennings) |
+//! | [`pair`] | geometric mean, RotD50 and RotD100 of two horizontal components |
 //! | [`falsified`] | errors in damping and energy that late specimens introduce into a test as a whole |
 //! | [`energy`] | the energy balance of a structure and its specimens, step by step |
 
@@ -22,6 +23,7 @@ pub mod falsified;
 mod floor;
 pub mod fourier;
 pub mod ground;
+pub mod pair;
 pub mod response;
 pub mod specimen;
 pub mod spectrum;

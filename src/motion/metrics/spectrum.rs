@@ -10,16 +10,16 @@
 use std::f64::consts::TAU;
 
 /// Periods that are computed side by side.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 /// Least points a period.
-const POINTS: f64 = 20.0;
+pub(super) const POINTS: f64 = 20.0;
 /// Most points from sample to sample: a period below dt/50 follows the ground as if rigid, and more show nothing new.
-const MOST_POINTS: f64 = 1000.0;
+pub(super) const MOST_POINTS: f64 = 1000.0;
 /// A turn whose ends are below this share of the largest so far cannot exceed it.
-const NEAR: f64 = 0.9;
+pub(super) const NEAR: f64 = 0.9;
 
 /// One number for each of the oscillators.
-type Lane = [f64; LANES];
+pub(super) type Lane = [f64; LANES];
 
 /// One oscillator's largest response.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,10 +74,10 @@ pub fn periods(shortest: f64, longest: f64, count: usize) -> Vec<f64> {
 }
 
 /// Oscillators that take steps of one length.
-struct Bank {
-    ratio: f64,
-    step: f64,
-    omega: Lane,
+pub(super) struct Bank {
+    pub(super) ratio: f64,
+    pub(super) step: f64,
+    pub(super) omega: Lane,
     /// Free vibration over one step: (u, u̇) at its end from (u, u̇) at its start.
     uu: Lane,
     uv: Lane,
@@ -90,13 +90,23 @@ struct Bank {
 
 /// Displacements and velocities.
 #[derive(Clone, Copy)]
-struct Motion {
-    disp: Lane,
-    vel: Lane,
+pub(super) struct Motion {
+    pub(super) disp: Lane,
+    pub(super) vel: Lane,
+}
+
+impl Motion {
+    /// At rest.
+    pub(super) const fn rest() -> Self {
+        Self {
+            disp: [0.0; LANES],
+            vel: [0.0; LANES],
+        }
+    }
 }
 
 impl Bank {
-    fn new(omega: &Lane, ratio: f64, step: f64) -> Self {
+    pub(super) fn new(omega: &Lane, ratio: f64, step: f64) -> Self {
         let root = (1.0 - ratio * ratio).sqrt();
         let decay = omega.map(|omega| libm::exp(-ratio * omega * step));
         let turn = omega.map(|omega| libm::sincos(omega * root * step));
@@ -119,10 +129,7 @@ impl Bank {
     /// Largest |displacement| of each during and after `accel`, each interval of which is `points` steps.
     fn largest(&self, accel: &[f64], points: f64) -> Lane {
         let load = |a: f64| if a.is_finite() { -a } else { 0.0 };
-        let mut now = Motion {
-            disp: [0.0; LANES],
-            vel: [0.0; LANES],
-        };
+        let mut now = Motion::rest();
         let mut top = [0.0; LANES];
         for pair in accel.windows(2) {
             let (from, to) = (load(pair[0]), load(pair[1]));
@@ -134,14 +141,14 @@ impl Bank {
             }
         }
         for (i, top) in top.iter_mut().enumerate() {
-            let first = self.first_turn(i, now.disp[i], now.vel[i]);
+            let first = first_turn([self.omega[i], self.ratio], now.disp[i], now.vel[i]);
             *top = top.max(first.abs());
         }
         top
     }
 
     /// One step under a load that starts at `from` and changes by `slope` a second.
-    fn advance(&self, now: &mut Motion, from: f64, slope: f64) {
+    pub(super) fn advance(&self, now: &mut Motion, from: f64, slope: f64) {
         for i in 0..LANES {
             // Particular solution: a straight line.
             let rate = slope * self.softness[i];
@@ -172,27 +179,26 @@ impl Bank {
             }
         }
     }
+}
 
-    /// Displacement where the free vibration of oscillator `i` from here first turns: no later swing is larger.
-    fn first_turn(&self, i: usize, disp: f64, vel: f64) -> f64 {
-        let (omega, ratio) = (self.omega[i], self.ratio);
-        let damped = omega * (1.0 - ratio * ratio).sqrt();
-        // u̇ = e^{−ζωt}(v cos ω_d t − (ω² u + ζω v)/ω_d sin ω_d t).
-        let angle = libm::atan2(vel * damped, omega * omega * disp + ratio * omega * vel);
-        let angle = if angle < 0.0 {
-            angle + std::f64::consts::PI
-        } else {
-            angle
-        };
-        let (sine, cosine) = libm::sincos(angle);
-        let decay = libm::exp(-ratio * omega * angle / damped);
-        decay * (disp * cosine + (vel + ratio * omega * disp) / damped * sine)
-    }
+/// Displacement where the free vibration of an oscillator of this frequency and damping ratio first turns: no later swing is larger.
+pub(super) fn first_turn([omega, ratio]: [f64; 2], disp: f64, vel: f64) -> f64 {
+    let damped = omega * (1.0 - ratio * ratio).sqrt();
+    // u̇ = e^{−ζωt}(v cos ω_d t − (ω² u + ζω v)/ω_d sin ω_d t).
+    let angle = libm::atan2(vel * damped, omega * omega * disp + ratio * omega * vel);
+    let angle = if angle < 0.0 {
+        angle + std::f64::consts::PI
+    } else {
+        angle
+    };
+    let (sine, cosine) = libm::sincos(angle);
+    let decay = libm::exp(-ratio * omega * angle / damped);
+    decay * (disp * cosine + (vel + ratio * omega * disp) / damped * sine)
 }
 
 /// Displacement at the turning point of the cubic through these displacements and velocities at both ends of a step;
 /// the velocities differ in sign.
-fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
+pub(crate) fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
     let (rise, fall, way) = (step * v0, step * v1, u1 - u0);
     // Its derivative a s² + b s + c, s from 0 to 1: of different signs at 0 and 1, so that one root lies between.
     let a = 3.0 * (rise + fall) - 6.0 * way;

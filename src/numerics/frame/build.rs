@@ -1,8 +1,7 @@
 //! From a description to M, K and the static load of the free directions.
 
 use super::error::listed;
-use super::inelastic::Members;
-use super::member::Matrix;
+use super::inelastic::{Members, with};
 use super::model::{FrameModel, Motion, influence};
 use super::parts::{Part, PartKind};
 use super::{ConstraintSpec, Direction, FrameError, FrameSpec};
@@ -22,9 +21,12 @@ impl FrameSpec {
         let n = model.dofs.len();
         let mut mass = Vec::new();
         for (index, (node, motions)) in self.node.iter().zip(&model.motions).enumerate() {
+            let [about_x, about_y] = node.tilting_mass_kg_m2;
             let given = [
                 ("mass_kg", node.mass_kg),
                 ("rotary_mass_kg_m2", node.rotary_mass_kg_m2),
+                ("tilting_mass_kg_m2", about_x),
+                ("tilting_mass_kg_m2", about_y),
             ];
             for (key, found) in given {
                 if !(found >= 0.0 && found.is_finite()) {
@@ -37,7 +39,12 @@ impl FrameSpec {
                     });
                 }
             }
-            let of_direction = [node.mass_kg, node.mass_kg, node.rotary_mass_kg_m2];
+            if self.dimension == 2 && node.tilting_mass_kg_m2 != [0.0; 2] {
+                let (at, key, direction) = (("node", index), "tilting_mass_kg_m2", Direction::Rx);
+                return Err(FrameError::NotInPlane { at, key, direction });
+            }
+            let m = node.mass_kg;
+            let of_direction = [m, m, m, about_x, about_y, node.rotary_mass_kg_m2];
             for (motion, value) in motions.iter().zip(of_direction) {
                 mass.extend(square(motion, value));
             }
@@ -49,10 +56,12 @@ impl FrameSpec {
         let (mut of_rule, mut own) = (Vec::new(), Vec::new());
         for (index, part) in parts.iter().enumerate() {
             let (to, entries) = match &part.kind {
-                PartKind::Elastic(ends, matrix, _) => (&mut linear, spread(ends.motions, matrix)),
-                PartKind::Inelastic(_, place, basic) | PartKind::Link(place, basic, _) => {
-                    (&mut members, place.matrix(&basic.initial()))
+                PartKind::Elastic(_, stiffness) => (&mut linear, stiffness.entries()),
+                PartKind::Inelastic(_, place, (basic, beside), _) => {
+                    let stiffness = with(basic.initial(), beside.as_ref());
+                    (&mut members, place.matrix(&stiffness))
                 }
+                PartKind::Link(place, basic, _) => (&mut members, place.matrix(&basic.initial())),
             };
             match self.own_coefficient(index)? {
                 None => of_rule.extend_from_slice(&entries),
@@ -70,11 +79,12 @@ impl FrameSpec {
         for part in parts {
             match part.kind {
                 PartKind::Elastic(..) => {}
-                PartKind::Inelastic(_, place, basic) => {
-                    of_members.push(part.title, place, basic, (Reach::default(), false));
+                PartKind::Inelastic(_, place, basic, moving) => {
+                    let reach = (Reach::default(), false);
+                    of_members.push(part.title, place, basic, moving, reach);
                 }
                 PartKind::Link(place, basic, declared) => {
-                    of_members.push(part.title, place, basic, declared);
+                    of_members.push(part.title, place, (basic, None), None, declared);
                 }
             }
         }
@@ -98,8 +108,66 @@ impl FrameSpec {
         influence(&self.places())
     }
 
+    /// One number for each axis, the third of a plane frame being 0. An empty list is one of zeros if it may be.
+    pub(super) fn coordinates(
+        &self,
+        at: (&'static str, usize),
+        key: &'static str,
+        given: &[f64],
+        may_be_empty: bool,
+    ) -> Result<[f64; 3], FrameError> {
+        let mut out = [0.0; 3];
+        let wanted = self.dimension;
+        if given.len() != wanted && !(given.is_empty() && may_be_empty) {
+            let found = given.len();
+            return Err(FrameError::Coordinates {
+                at,
+                key,
+                found,
+                wanted,
+            });
+        }
+        for (out, &found) in out.iter_mut().zip(given) {
+            if !found.is_finite() {
+                let allowed = "finite";
+                return Err(FrameError::Value {
+                    at,
+                    key,
+                    found,
+                    allowed,
+                });
+            }
+            *out = found;
+        }
+        Ok(out)
+    }
+
+    /// Refuses a direction that only a space frame has.
+    pub(super) fn in_frame(
+        &self,
+        at: (&'static str, usize),
+        key: &'static str,
+        direction: Direction,
+    ) -> Result<(), FrameError> {
+        if self.directions().contains(&direction) {
+            return Ok(());
+        }
+        Err(FrameError::NotInPlane { at, key, direction })
+    }
+
+    /// ι of a unit displacement of the ground in a direction.
+    #[must_use]
+    pub fn influence_in(&self, direction: Direction) -> Vec<f64> {
+        let places = self.places();
+        let own = places.iter().map(|(_, own)| *own == direction);
+        own.map(f64::from).collect()
+    }
+
     /// The free directions, with empty matrices.
     fn numbered(&self) -> Result<FrameModel, FrameError> {
+        if !(2..=3).contains(&self.dimension) {
+            return Err(FrameError::Dimension(self.dimension));
+        }
         for (index, node) in self.node.iter().enumerate() {
             if self.node[..index]
                 .iter()
@@ -108,16 +176,13 @@ impl FrameSpec {
                 let name = node.name.clone();
                 return Err(FrameError::SameName { index, name });
             }
-            if let Some(found) = node.at_m.into_iter().find(|at| !at.is_finite()) {
-                return Err(FrameError::Value {
-                    at: ("node", index),
-                    key: "at_m",
-                    found,
-                    allowed: "finite",
-                });
+            let at = ("node", index);
+            self.coordinates(at, "at_m", &node.at_m, false)?;
+            for direction in &node.fixed {
+                self.in_frame(at, "fixed", *direction)?;
             }
         }
-        let mut ties = vec![[None; 3]; self.node.len()];
+        let mut ties = vec![[None; 6]; self.node.len()];
         for (index, constraint) in self.constraint.iter().enumerate() {
             self.tie(index, constraint, &mut ties)?;
         }
@@ -134,9 +199,10 @@ impl FrameSpec {
             }
         }
         let mut dofs = Vec::new();
-        let mut motions = vec![<[Motion; 3]>::default(); self.node.len()];
+        let mut motions = vec![<[Motion; 6]>::default(); self.node.len()];
         for (place, node) in self.node.iter().enumerate() {
-            for (at, direction) in Direction::ALL.into_iter().enumerate() {
+            for &direction in self.directions() {
+                let at = direction as usize;
                 if ties[place][at].is_none() && !node.fixed.contains(&direction) {
                     motions[place][at] = vec![(dofs.len(), 1.0)];
                     dofs.push((node.name.clone(), direction));
@@ -176,14 +242,31 @@ impl FrameSpec {
         &self,
         index: usize,
         constraint: &ConstraintSpec,
-        ties: &mut [[Option<Tie>; 3]],
+        ties: &mut [[Option<Tie>; 6]],
     ) -> Result<(), FrameError> {
         let (master, nodes, directions) = match constraint {
             ConstraintSpec::Equal(equal) => (&equal.master, &equal.nodes, &equal.directions[..]),
-            ConstraintSpec::Rigid(rigid) => (&rigid.master, &rigid.nodes, &Direction::ALL[..]),
-            ConstraintSpec::Diaphragm(floor) => (&floor.master, &floor.nodes, &[Direction::X][..]),
+            ConstraintSpec::Rigid(rigid) => (&rigid.master, &rigid.nodes, self.directions()),
+            ConstraintSpec::Diaphragm(floor) => {
+                let directions = match self.dimension {
+                    3 => &[Direction::X, Direction::Y, Direction::Rz][..],
+                    _ => &[Direction::X],
+                };
+                (&floor.master, &floor.nodes, directions)
+            }
         };
         let at = ("constraint", index);
+        for direction in directions {
+            self.in_frame(at, "directions", *direction)?;
+        }
+        let turns: &[Direction] = match constraint {
+            ConstraintSpec::Equal(_) => &[],
+            ConstraintSpec::Rigid(_) => directions,
+            ConstraintSpec::Diaphragm(_) => match self.dimension {
+                3 => &[Direction::Rz],
+                _ => &[],
+            },
+        };
         let master = self.place(at, master)?;
         for name in nodes {
             let node = self.place(at, name)?;
@@ -204,16 +287,24 @@ impl FrameSpec {
                 if ties[node][which].is_some() {
                     return Err(wrong(node, direction, "follows another node already"));
                 }
-                let mut levers = [0.0; 3];
+                let mut levers = [0.0; 6];
                 levers[which] = 1.0;
-                if matches!(constraint, ConstraintSpec::Rigid(_)) {
-                    let [dx, dy] =
-                        [0, 1].map(|k| self.node[node].at_m[k] - self.node[master].at_m[k]);
-                    levers[2] = match direction {
-                        Direction::X => -dy,
-                        Direction::Y => dx,
-                        Direction::Rz => 1.0,
-                    };
+                let [from, to] = [master, node].map(|node| {
+                    let at = &self.node[node].at_m;
+                    [0, 1, 2].map(|k| at.get(k).copied().unwrap_or(0.0))
+                });
+                let [dx, dy, dz] = [0, 1, 2].map(|k| to[k] - from[k]);
+                // u + θ × d.
+                let of_turns = match direction {
+                    Direction::X => [0.0, dz, -dy],
+                    Direction::Y => [-dz, 0.0, dx],
+                    Direction::Z => [dy, -dx, 0.0],
+                    Direction::Rx | Direction::Ry | Direction::Rz => [0.0; 3],
+                };
+                for (turn, lever) in Direction::ALL[3..].iter().zip(of_turns) {
+                    if turns.contains(turn) && !direction.turns() {
+                        levers[*turn as usize] = lever;
+                    }
                 }
                 ties[node][which] = Some(Tie {
                     constraint: index,
@@ -240,12 +331,11 @@ impl FrameSpec {
         for (index, given) in self.load.iter().enumerate() {
             let at = ("load", index);
             let node = self.place(at, &given.node)?;
-            let each = [
-                ("x_n", given.x_n),
-                ("y_n", given.y_n),
-                ("rz_n_m", given.rz_n_m),
-            ];
-            for ((key, found), motion) in each.into_iter().zip(&model.motions[node]) {
+            let each = given.each().into_iter().zip(Direction::ALL);
+            for (((key, found), direction), motion) in each.zip(&model.motions[node]) {
+                if found != 0.0 {
+                    self.in_frame(at, key, direction)?;
+                }
                 if !found.is_finite() {
                     let allowed = "finite";
                     return Err(FrameError::Value {
@@ -300,10 +390,8 @@ impl FrameSpec {
         let mut disp = model.load.clone();
         factor.solve_in_place(&mut disp);
         let lowered = lowered.by_ref().filter(|(_, ends)| ends.p_delta);
-        let entries = lowered.flat_map(|(part, ends)| {
-            let matrix = ends.chord.geometric_stiffness(part.first_forces(&disp)[0]);
-            spread(ends.motions, &matrix)
-        });
+        let entries =
+            lowered.flat_map(|(part, ends)| ends.geometric_stiffness(part.first_forces(&disp)[0]));
         let geometric = SymMatrix::from_triplets(n, entries);
         let stands = |share: f64| Spd::factor(&stiffness.plus(share, &geometric));
         if stands(1.0).is_err() {
@@ -333,8 +421,8 @@ impl FrameSpec {
 struct Tie {
     constraint: usize,
     master: usize,
-    /// Coefficients of x, y and rz of the master.
-    levers: [f64; 3],
+    /// Coefficients of the directions of the master.
+    levers: [f64; 6],
 }
 
 /// value · a aᵀ of a motion.
@@ -343,20 +431,4 @@ fn square(motion: &Motion, value: f64) -> Vec<(usize, usize, f64)> {
     let pairs = each.flat_map(|(k, a)| motion[k..].iter().map(move |b| (a, b)));
     let entries = pairs.map(|(a, b)| (a.0, b.0, value * a.1 * b.1));
     entries.filter(|(.., value)| *value != 0.0).collect()
-}
-
-/// Entries of a matrix of two nodes, at the degrees of freedom that these are made of; each beside the diagonal once.
-fn spread(ends: [&[Motion; 3]; 2], matrix: &Matrix) -> Vec<(usize, usize, f64)> {
-    let motions: Vec<&Motion> = ends.into_iter().flatten().collect();
-    let mut entries = Vec::new();
-    for (row, of_row) in matrix.iter().zip(&motions) {
-        for (value, of_column) in row.iter().zip(&motions) {
-            for (i, a) in of_row.iter() {
-                for (j, b) in of_column.iter().filter(|(j, _)| i <= j) {
-                    entries.push((*i, *j, a * value * b));
-                }
-            }
-        }
-    }
-    entries
 }

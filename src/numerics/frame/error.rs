@@ -12,6 +12,9 @@ pub enum FrameError {
     /// No node with a free direction.
     #[error("a frame needs a node with a free direction")]
     Empty,
+    /// Neither a plane nor a space frame.
+    #[error("`dimension` is {0}, but must be 2 or 3")]
+    Dimension(usize),
     /// A number outside its range.
     #[error("`{key}` is {found}, but must be {allowed}")]
     Value {
@@ -35,6 +38,38 @@ pub enum FrameError {
         found: f64,
         /// The range, in words.
         allowed: &'static str,
+    },
+    /// A number that only a space frame needs.
+    #[error("`{key}` of section \"{section}\" is missing: a space frame needs it")]
+    NeededInSpace {
+        /// Name of the section.
+        section: String,
+        /// The key.
+        key: &'static str,
+    },
+    /// A list that does not have one number for each axis.
+    #[error(
+        "`{key}` has {found} numbers, but must have {wanted}: the frame has `dimension = {wanted}`"
+    )]
+    Coordinates {
+        /// List of the entry, and its place from 0.
+        at: (&'static str, usize),
+        /// The key.
+        key: &'static str,
+        /// Numbers that it has.
+        found: usize,
+        /// Numbers that it needs.
+        wanted: usize,
+    },
+    /// A direction that only a space frame has.
+    #[error("`{key}` names the direction \"{}\", which only a frame with `dimension = 3` has", direction.word())]
+    NotInPlane {
+        /// List of the entry, and its place from 0.
+        at: (&'static str, usize),
+        /// The key.
+        key: &'static str,
+        /// The direction.
+        direction: Direction,
     },
     /// A solid shape without a material, or with two.
     #[error(

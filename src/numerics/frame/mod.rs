@@ -1,4 +1,4 @@
-//! Plane frames: nodes, elastic members, constraints and static loads become M, K and a load vector.
+//! Plane and space frames: nodes, members, constraints and static loads become M, K and a load vector.
 //!
 //! Constraints are eliminated while the matrices are assembled, so that M_eff stays positive definite. Members are those of
 //! Bernoulli and Euler; with P-Δ the axial force N of the static loads adds N/L at the displaced ends (linear geometry, small
@@ -6,6 +6,7 @@
 //! Begin with [`FrameSpec::model`].
 
 mod build;
+mod corotation;
 mod error;
 mod fibre;
 mod inelastic;
@@ -14,6 +15,8 @@ mod model;
 mod parts;
 mod section;
 mod spec;
+mod support;
+mod symmetric;
 mod utilisation;
 
 pub use error::FrameError;
@@ -22,10 +25,11 @@ pub use inelastic::Members;
 pub(crate) use inelastic::{At, Which};
 pub use model::FrameModel;
 pub use spec::{
-    CircleSpec, ConstraintSpec, Direction, ElasticSpec, EqualSpec, FibreSpec, FollowersSpec,
-    FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind, MemberSpec,
-    NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
+    CircleSpec, ConstraintSpec, CorotationalSpec, Direction, ElasticSpec, EqualSpec, FibreSpec,
+    FollowersSpec, FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind,
+    MemberSpec, NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
+pub use support::SupportError;
 pub use utilisation::MemberUse;
 
 #[cfg(test)]

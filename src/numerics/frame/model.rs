@@ -22,7 +22,7 @@ pub struct FrameModel {
     /// Node and direction of each degree of freedom.
     pub dofs: Vec<(String, Direction)>,
     /// What each direction of each node is made of, in the order of the description.
-    pub(super) motions: Vec<[Motion; 3]>,
+    pub(super) motions: Vec<[Motion; 6]>,
     pub(super) names: Vec<String>,
 }
 
@@ -77,8 +77,8 @@ impl FrameModel {
             }
         }
         let moves = |dof: &usize| match self.dofs[*dof].1 {
-            Direction::X | Direction::Y => shape[*dof].abs(),
-            Direction::Rz => 0.0,
+            direction if direction.turns() => 0.0,
+            _ => shape[*dof].abs(),
         };
         let all = 0..n;
         all.max_by(|a, b| moves(a).total_cmp(&moves(b)))

@@ -1,11 +1,14 @@
 //! Members and links of a description as parts between degrees of freedom.
 
+use super::corotation::Corotation;
 use super::error::listed;
 use super::fibre::Fibres;
-use super::inelastic::{self, Basic, HingeLaw, Place};
-use super::member::{Chord, Matrix};
+use super::inelastic::{self, Basic, HingeLaw, Moving, Place};
+use super::member::{Beside, Chord, ChordInSpace, Matrix};
 use super::model::{FrameModel, Motion};
-use super::{FrameError, FrameSpec, LinkDirection, MemberKind, MemberSpec};
+use super::section::Section;
+use super::symmetric::Sym;
+use super::{Direction, FrameError, FrameSpec, MemberKind, MemberSpec};
 use crate::law::{LawSpec, Reach};
 
 /// Most sections along a member.
@@ -19,20 +22,75 @@ pub(super) struct Part<'a> {
 }
 
 pub(super) enum PartKind<'a> {
-    /// The stiffness of an elastic member at its ends, and its rigidity along.
-    Elastic(Ends<'a>, Matrix, f64),
-    /// A member that is evaluated in each step.
-    Inelastic(Ends<'a>, Place, Basic),
+    /// An elastic member.
+    Elastic(Ends<'a>, Box<Linear<'a>>),
+    /// A member that is evaluated in each step, with what stays linear.
+    Inelastic(
+        Ends<'a>,
+        Place,
+        (Basic, Option<Beside>),
+        Option<Box<Moving>>,
+    ),
     /// With what its user declared, and whether it acts on rotations.
     Link(Place, Basic, (Reach, bool)),
+}
+
+/// Stiffness of an elastic member.
+pub(super) enum Linear<'a> {
+    /// In a plane: at its ends, and its rigidity along.
+    Plane(Ends<'a>, Chord, Matrix, f64),
+    /// In space.
+    Space(Place, Sym<6>),
 }
 
 /// Both ends of a member.
 #[derive(Clone, Copy)]
 pub(super) struct Ends<'a> {
-    pub(super) chord: Chord,
-    pub(super) motions: [&'a [Motion; 3]; 2],
+    pub(super) chord: Line,
+    pub(super) motions: [&'a [Motion; 6]; 2],
     pub(super) p_delta: bool,
+}
+
+/// A member between two points.
+#[derive(Clone, Copy)]
+pub(super) enum Line {
+    Plane(Chord),
+    Space(ChordInSpace),
+}
+
+impl Line {
+    pub(super) const fn length(&self) -> f64 {
+        match self {
+            Self::Plane(chord) => chord.length,
+            Self::Space(chord) => chord.length,
+        }
+    }
+}
+
+impl Linear<'_> {
+    /// As [`Part::first_forces`].
+    fn first_forces(&self, disp: &[f64]) -> [f64; 6] {
+        match self {
+            Self::Plane(ends, chord, matrix, along) => {
+                let [stretch, ..] = chord.deformations();
+                let moved = ends.moved(disp);
+                let times = |row: &[f64; 6]| -> f64 {
+                    row.iter().zip(moved).map(|(row, moved)| row * moved).sum()
+                };
+                let [start, end] = chord.moments(matrix.each_ref().map(times));
+                [along * times(&stretch), start, end, 0.0, 0.0, 0.0]
+            }
+            Self::Space(place, stiffness) => place.first_force(stiffness, disp),
+        }
+    }
+
+    /// Entries (i ≤ j, value) at the degrees of freedom.
+    pub(super) fn entries(&self) -> Vec<(usize, usize, f64)> {
+        match self {
+            Self::Plane(ends, _, matrix, _) => spread(ends.motions, matrix),
+            Self::Space(place, stiffness) => place.matrix(stiffness),
+        }
+    }
 }
 
 impl FrameSpec {
@@ -80,12 +138,18 @@ impl FrameSpec {
         };
         let [start, end] = &spec.nodes;
         let nodes = [self.place(at, start)?, self.place(at, end)?];
-        let chord = Chord::new(
-            [spec.offset_start_m, spec.offset_end_m],
-            nodes.map(|node| self.node[node].at_m),
-        );
-        let chord =
-            chord.ok_or_else(|| unfit("nodes", "has no length: its ends lie at one place"))?;
+        let offsets = [
+            self.coordinates(at, "offset_start_m", &spec.offset_start_m, true)?,
+            self.coordinates(at, "offset_end_m", &spec.offset_end_m, true)?,
+        ];
+        let chord = self.line(at, nodes, offsets, spec.orientation)?;
+        let chord = chord.ok_or_else(|| {
+            let why = match spec.orientation {
+                Some(_) => "has no length, or lies along its `orientation`",
+                None => "has no length: its ends lie at one place",
+            };
+            unfit("nodes", why)
+        })?;
         let ends = Ends {
             chord,
             motions: nodes.map(|node| &model.motions[node]),
@@ -147,16 +211,46 @@ impl FrameSpec {
                 )
             })
         };
+        let in_space = matches!(chord, Line::Space(_));
+        for (key, is_given) in [
+            ("orientation", spec.orientation.is_some()),
+            ("torsion_n_m2", spec.torsion_n_m2.is_some()),
+        ] {
+            if is_given && !in_space {
+                return Err(unfit(
+                    key,
+                    "lies in a plane frame, which does not have this key",
+                ));
+            }
+        }
+        let length = chord.length();
+        let torsion = if in_space && spec.kind != MemberKind::Truss {
+            self.torsion(index, name, spec, &section)?
+        } else {
+            0.0
+        };
+        let beside = |weak: f64| {
+            let (weak, torsion) = (weak / length, torsion / length);
+            in_space.then_some(Beside { weak, torsion })
+        };
         let fibres = |sections: usize| Fibres::new(sections, &section.fibres, &section.materials);
         let basic = match spec.kind {
-            MemberKind::Elastic if hinges.iter().all(|hinge| hinge.is_none()) => {
-                let rigidity = rigidity()?;
-                let stiffness = chord.stiffness(rigidity, &spec.release);
-                return Ok(PartKind::Elastic(
-                    ends,
-                    stiffness,
-                    rigidity.axial / chord.length,
-                ));
+            MemberKind::Elastic
+                if hinges.iter().all(|hinge| hinge.is_none()) && spec.corotational.is_none() =>
+            {
+                let mut rigidity = rigidity()?;
+                let linear = match chord {
+                    Line::Plane(chord) => {
+                        let stiffness = chord.stiffness(rigidity, &spec.release);
+                        Linear::Plane(ends, chord, stiffness, rigidity.axial / length)
+                    }
+                    Line::Space(chord) => {
+                        rigidity.torsion = torsion;
+                        let place = ends.place(influence);
+                        Linear::Space(place, chord.stiffness(rigidity, &spec.release))
+                    }
+                };
+                return Ok(PartKind::Elastic(ends, Box::new(linear)));
             }
             MemberKind::Elastic => {
                 if !spec.release.is_empty() {
@@ -167,8 +261,15 @@ impl FrameSpec {
                     self.hinge(at, "hinge_end", hinges[1].as_ref())?,
                 ];
                 let rigidity = rigidity()?;
+                let [first, second] = hinges.map(Option::is_some);
+                if !first && !second && !spec.release.is_empty() {
+                    return Err(unfit(
+                        "release",
+                        "is corotational and cannot be released: give it a soft hinge",
+                    ));
+                }
                 // Two hinges that soften alike are stable up to this slope, and one up to twice it.
-                let most = 2.0 * rigidity.bending / chord.length;
+                let most = 2.0 * rigidity.bending / length;
                 let ends = laws.iter().zip(["hinge_start", "hinge_end"]);
                 for ((law, _), key) in ends.filter_map(|(law, key)| Some((law.as_ref()?, key))) {
                     let found = law.steepest_softening();
@@ -182,29 +283,151 @@ impl FrameSpec {
                         });
                     }
                 }
-                inelastic::hinged(chord.length, rigidity, laws)
+                let hinged = inelastic::hinged(length, rigidity, laws);
+                hinged.map(|hinged| (hinged, beside(rigidity.weak)))
             }
             MemberKind::ForceBased => {
                 let points = spec.points.unwrap_or(5);
-                inelastic::force_based(chord.length, points, fibres(points))
+                let member = inelastic::force_based(length, points, fibres(points), in_space);
+                member.map(|member| (member, beside(0.0)))
             }
             MemberKind::DisplacementBased => {
                 let points = spec.points.unwrap_or(3);
-                Some(inelastic::displacement_based(
-                    chord.length,
-                    points,
-                    fibres(points),
-                ))
+                let fibres = fibres(points);
+                let member = inelastic::displacement_based(length, points, fibres, in_space);
+                Some((member, beside(0.0)))
             }
-            MemberKind::Truss => Some(inelastic::truss(chord.length, fibres(1))),
+            MemberKind::Truss => Some((inelastic::truss(length, fibres(1)), None)),
         };
         let basic = basic.ok_or_else(|| unfit("section", "has no stiffness"))?;
-        let terms = chord.deformations().map(|row| of_nodes(&row, ends.motions));
-        Ok(PartKind::Inelastic(
-            ends,
-            Place::new(terms, influence),
-            basic,
-        ))
+        let mut place = ends.place(influence);
+        if spec.kind == MemberKind::Truss {
+            place = place.stretched();
+        }
+        let moving = self.moving(index, name, spec, (&ends, &place), influence)?;
+        Ok(PartKind::Inelastic(ends, place, basic, moving))
+    }
+
+    /// Corotational geometry, if a member has it.
+    fn moving(
+        &self,
+        index: usize,
+        name: &str,
+        spec: &MemberSpec,
+        (ends, place): (&Ends<'_>, &Place),
+        influence: &[f64],
+    ) -> Result<Option<Box<Moving>>, FrameError> {
+        let at = ("member", index);
+        let Some(given) = spec.corotational else {
+            return Ok(None);
+        };
+        let has_offset = [&spec.offset_start_m, &spec.offset_end_m]
+            .into_iter()
+            .flatten()
+            .any(|offset| *offset != 0.0);
+        for (key, is_given, why) in [
+            (
+                "p_delta",
+                spec.p_delta,
+                "is corotational, which has the P-Δ effect already",
+            ),
+            (
+                "offset_start_m",
+                has_offset,
+                "is corotational and cannot have rigid offsets",
+            ),
+            (
+                "kind",
+                spec.kind == MemberKind::Truss,
+                "is a truss and cannot be corotational",
+            ),
+        ] {
+            if is_given {
+                let name = name.to_owned();
+                return Err(FrameError::Unfit { at, key, name, why });
+            }
+        }
+        if let Some(found) = given.largest_tension_n
+            && !(found >= 0.0 && found.is_finite())
+        {
+            return Err(FrameError::Value {
+                at,
+                key: "corotational",
+                found,
+                allowed: "a tension that is finite and not negative",
+            });
+        }
+        let of = match ends.chord {
+            Line::Plane(chord) => Corotation::Plane(chord),
+            Line::Space(chord) => Corotation::Space(chord),
+        };
+        let motions: Vec<&[(usize, f64)]> = match ends.chord {
+            Line::Plane(_) => in_plane(ends.motions).map(Vec::as_slice).collect(),
+            Line::Space(_) => ends
+                .motions
+                .into_iter()
+                .flatten()
+                .map(Vec::as_slice)
+                .collect(),
+        };
+        let tension = given.largest_tension_n;
+        let stiffening = ends.geometric_stiffness(tension.unwrap_or(0.0));
+        let moving = Moving::new(of, &motions, (tension, stiffening), place, influence);
+        Ok(Some(Box::new(moving)))
+    }
+
+    /// The line between two nodes; `None` without a length, or along its orientation.
+    fn line(
+        &self,
+        at: (&'static str, usize),
+        nodes: [usize; 2],
+        offsets: [[f64; 3]; 2],
+        orientation: Option<[f64; 3]>,
+    ) -> Result<Option<Line>, FrameError> {
+        let mut places = [[0.0; 3]; 2];
+        for (place, node) in places.iter_mut().zip(nodes) {
+            *place = self.coordinates(("node", node), "at_m", &self.node[node].at_m, false)?;
+        }
+        if let Some(found) = orientation.iter().flatten().find(|x| !x.is_finite()) {
+            return Err(FrameError::Value {
+                at,
+                key: "orientation",
+                found: *found,
+                allowed: "finite",
+            });
+        }
+        let flat = |all: [[f64; 3]; 2]| all.map(|[x, y, _]| [x, y]);
+        Ok(match self.dimension {
+            3 => ChordInSpace::new(offsets, places, orientation).map(Line::Space),
+            _ => Chord::new(flat(offsets), flat(places)).map(Line::Plane),
+        })
+    }
+
+    /// G J of a member in space.
+    fn torsion(
+        &self,
+        index: usize,
+        name: &str,
+        spec: &MemberSpec,
+        section: &Section,
+    ) -> Result<f64, FrameError> {
+        let at = ("member", index);
+        match spec.torsion_n_m2 {
+            Some(found) if !(found > 0.0 && found.is_finite()) => Err(FrameError::Value {
+                at,
+                key: "torsion_n_m2",
+                found,
+                allowed: "finite and greater than 0",
+            }),
+            Some(given) => Ok(given),
+            None if section.torsion() > 0.0 => Ok(section.torsion()),
+            None => Err(FrameError::Unfit {
+                at,
+                key: "section",
+                name: name.to_owned(),
+                why: "needs `torsion_n_m2`, its G J in space: reinforced concrete and single fibres do not tell it",
+            }),
+        }
     }
 
     /// The law of a hinge, and its moment at yield.
@@ -256,19 +479,24 @@ impl FrameSpec {
         let name = self.name_of(self.member.len() + index + 1);
         let [start, end] = &spec.nodes;
         let nodes = [self.place(at, start)?, self.place(at, end)?];
-        let row = match spec.direction {
-            LinkDirection::X => [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-            LinkDirection::Y => [0.0, -1.0, 0.0, 0.0, 1.0, 0.0],
-            LinkDirection::Rz => [0.0, 0.0, -1.0, 0.0, 0.0, 1.0],
-            LinkDirection::Axial => {
-                let chord = Chord::new([[0.0; 2]; 2], nodes.map(|node| self.node[node].at_m));
-                let chord = chord.ok_or_else(|| FrameError::Unfit {
+        let motions = nodes.map(|node| &model.motions[node]);
+        let terms = match spec.direction.of_nodes() {
+            Some(direction) => {
+                self.in_frame(at, "direction", direction)?;
+                let row = [-1.0, 1.0];
+                let each = row.iter().zip(motions.map(|of| &of[direction as usize]));
+                of_nodes(each)
+            }
+            None => {
+                let line = self.line(at, nodes, [[0.0; 3]; 2], None)?;
+                let line = line.ok_or_else(|| FrameError::Unfit {
                     at,
                     key: "direction",
                     name: name.clone(),
-                    why: "has no length and no axial direction: use \"x\", \"y\" or \"rz\"",
+                    why: "has no length and no axial direction: use the direction of a node",
                 })?;
-                chord.deformations()[0]
+                let mut rows = line.deformations(motions);
+                rows.swap_remove(0)
             }
         };
         let law = spec.law.build().map_err(|source| FrameError::Law {
@@ -276,7 +504,6 @@ impl FrameSpec {
             name: name.clone(),
             source,
         })?;
-        let terms = of_nodes(&row, nodes.map(|node| &model.motions[node]));
         if terms.is_empty() {
             return Err(FrameError::Unfit {
                 at,
@@ -289,18 +516,18 @@ impl FrameSpec {
             disp: spec.reach_disp_m,
             vel: spec.reach_vel_m_per_s,
         };
-        let place = Place::new([terms, Vec::new(), Vec::new()], influence);
-        let turns = spec.direction == LinkDirection::Rz;
+        let place = Place::new([terms], influence);
+        let turns = spec.direction.of_nodes().is_some_and(Direction::turns);
         let kind = PartKind::Link(place, Basic::Link(law), (reach, turns));
         let title = (self.member.len() + index + 1, name, spec.record);
         Ok(Part { title, kind })
     }
 }
 
-/// Terms of a row over the directions of two nodes.
-fn of_nodes(row: &[f64; 6], motions: [&[Motion; 3]; 2]) -> Vec<(usize, f64)> {
+/// Terms of a row over directions of nodes.
+fn of_nodes<'a>(row: impl Iterator<Item = (&'a f64, &'a Motion)>) -> Vec<(usize, f64)> {
     let mut terms: Vec<(usize, f64)> = Vec::new();
-    for (coefficient, motion) in row.iter().zip(motions.into_iter().flatten()) {
+    for (coefficient, motion) in row {
         for (dof, share) in motion {
             match terms.iter_mut().find(|(known, _)| known == dof) {
                 Some((_, sum)) => *sum += coefficient * share,
@@ -312,14 +539,77 @@ fn of_nodes(row: &[f64; 6], motions: [&[Motion; 3]; 2]) -> Vec<(usize, f64)> {
     terms
 }
 
+/// The directions of a plane, at both nodes.
+fn in_plane<'a>(motions: [&'a [Motion; 6]; 2]) -> impl Iterator<Item = &'a Motion> {
+    let of_node =
+        |node: &'a [Motion; 6]| Direction::PLANE.map(|direction| &node[direction as usize]);
+    motions.into_iter().flat_map(of_node)
+}
+
+/// Entries of a matrix of two nodes, at the degrees of freedom that these are made of; each beside the diagonal once.
+fn spread(ends: [&[Motion; 6]; 2], matrix: &Matrix) -> Vec<(usize, usize, f64)> {
+    let motions: Vec<&Motion> = in_plane(ends).collect();
+    let mut entries = Vec::new();
+    for (row, of_row) in matrix.iter().zip(&motions) {
+        for (value, of_column) in row.iter().zip(&motions) {
+            for (i, a) in of_row.iter() {
+                for (j, b) in of_column.iter().filter(|(j, _)| i <= j) {
+                    entries.push((*i, *j, a * value * b));
+                }
+            }
+        }
+    }
+    entries
+}
+
+impl Line {
+    /// Terms of each deformation: three in a plane, six in space.
+    fn deformations(&self, motions: [&[Motion; 6]; 2]) -> Vec<Vec<(usize, f64)>> {
+        match self {
+            Self::Plane(chord) => {
+                let rows = chord.deformations();
+                let of = |row: &[f64; 6]| of_nodes(row.iter().zip(in_plane(motions)));
+                rows.iter().map(of).collect()
+            }
+            Self::Space(chord) => {
+                let rows = chord.deformations();
+                let of = |row: &[f64; 12]| of_nodes(row.iter().zip(motions.into_iter().flatten()));
+                rows.iter().map(of).collect()
+            }
+        }
+    }
+}
+
 impl Ends<'_> {
-    /// Displacements of both nodes.
-    pub(super) fn moved(&self, disp: &[f64]) -> [f64; 6] {
+    fn place(&self, influence: &[f64]) -> Place {
+        Place::new(self.chord.deformations(self.motions), influence)
+    }
+
+    /// Displacements of both nodes of a plane frame.
+    fn moved(&self, disp: &[f64]) -> [f64; 6] {
         let mut moved = [0.0; 6];
-        for (to, motion) in moved.iter_mut().zip(self.motions.into_iter().flatten()) {
+        for (to, motion) in moved.iter_mut().zip(in_plane(self.motions)) {
             *to = motion.iter().map(|(dof, share)| share * disp[*dof]).sum();
         }
         moved
+    }
+
+    /// Entries of N/L across the member, for an axial force N at the displaced ends.
+    pub(super) fn geometric_stiffness(&self, force: f64) -> Vec<(usize, usize, f64)> {
+        match &self.chord {
+            Line::Plane(chord) => spread(self.motions, &chord.geometric_stiffness(force)),
+            Line::Space(chord) => {
+                let [_, across, aside] = chord.drifts();
+                let terms = [across, aside].map(|row| {
+                    let each = row.iter().zip(self.motions.into_iter().flatten());
+                    of_nodes(each)
+                });
+                let of = force / chord.length;
+                let mut stiffness = [[0.0; 6]; 6];
+                (stiffness[0][0], stiffness[1][1]) = (of, of);
+                Place::of(terms).matrix(&stiffness)
+            }
+        }
     }
 }
 
@@ -332,20 +622,16 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Axial force and the moments at both ends, at displacements of the frame, from the first stiffness.
-    pub(super) fn first_forces(&self, disp: &[f64]) -> [f64; 3] {
+    /// Axial force, moments at both ends about z, and in space about y, and torque, at displacements of the frame, from the first
+    /// stiffness.
+    pub(super) fn first_forces(&self, disp: &[f64]) -> [f64; 6] {
         match &self.kind {
-            PartKind::Elastic(ends, matrix, along) => {
-                let [stretch, ..] = ends.chord.deformations();
-                let moved = ends.moved(disp);
-                let times = |row: &[f64; 6]| -> f64 {
-                    row.iter().zip(moved).map(|(row, moved)| row * moved).sum()
-                };
-                let [start, end] = ends.chord.moments(matrix.each_ref().map(times));
-                [along * times(&stretch), start, end]
+            PartKind::Elastic(_, linear) => linear.first_forces(disp),
+            PartKind::Inelastic(_, place, (basic, beside), _) => {
+                let stiffness = inelastic::with(basic.initial(), beside.as_ref());
+                place.first_force(&stiffness, disp)
             }
-            PartKind::Inelastic(_, place, basic) => basic.first_force(place, disp),
-            PartKind::Link(..) => [0.0; 3],
+            PartKind::Link(..) => [0.0; 6],
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A plane frame as a test file describes it. Plain data; [`super::build`] makes a model of it.
+//! A frame as a test file describes it. Plain data; [`super::build`] makes a model of it.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::MaterialSpec;
 use crate::law::LawSpec;
 
-/// Plane frame: nodes in the x–y plane, members and links between them, constraints and static loads.
-/// y points upwards, and rotations are positive from x to y. DOFs are the free directions of the
-/// nodes, in the order of the nodes and of x, y, rz. `gusset check --verbose` lists them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Plane or space frame: nodes, members and links between them, constraints and static loads.
+/// In a plane y points upwards, in space z. Rotations follow the right-hand rule. DOFs are the free
+/// directions of the nodes, in the order of the nodes and of x, y, z, rx, ry, rz. `gusset check
+/// --verbose` lists them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSpec {
+    /// 2 for a plane frame in x and y, 3 for a space frame.
+    #[serde(default = "plane", skip_serializing_if = "is_plane")]
+    #[schemars(range(min = 2, max = 3))]
+    #[schemars(example = 3)]
+    pub dimension: usize,
     /// File with all other tables of the frame, relative to the test file. They are at its top level
     /// or beneath `[structure.frame]`. Default: the tables are in the test file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,6 +52,32 @@ pub struct FrameSpec {
     pub load: Vec<NodeLoadSpec>,
 }
 
+impl Default for FrameSpec {
+    /// A plane frame of nothing.
+    fn default() -> Self {
+        Self {
+            dimension: plane(),
+            file: None,
+            node: Vec::new(),
+            material: BTreeMap::new(),
+            section: BTreeMap::new(),
+            hinge: BTreeMap::new(),
+            member: Vec::new(),
+            link: Vec::new(),
+            constraint: Vec::new(),
+            load: Vec::new(),
+        }
+    }
+}
+
+const fn plane() -> usize {
+    2
+}
+
+fn is_plane(dimension: &usize) -> bool {
+    *dimension == plane()
+}
+
 /// Node of a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -53,40 +85,53 @@ pub struct NodeSpec {
     /// Name of the node, unique in the frame.
     #[schemars(example = &"B1")]
     pub name: String,
-    /// Coordinates x and y.
+    /// Coordinates x and y; in space x, y and z.
     #[schemars(example = [6.0, 3.5])]
-    pub at_m: [f64; 2],
-    /// Mass in x and y. A direction without mass follows the others statically. Default: 0.
+    pub at_m: Vec<f64>,
+    /// Mass in x, y and z. A direction without mass follows the others statically. Default: 0.
     #[serde(default)]
     #[schemars(example = 30e3)]
     pub mass_kg: f64,
-    /// Mass moment of inertia. Default: 0.
+    /// Mass moment of inertia about z. Default: 0.
     #[serde(default)]
     #[schemars(example = 500.0)]
     pub rotary_mass_kg_m2: f64,
+    /// Mass moments of inertia about x and y, in space. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = [200.0, 200.0])]
+    pub tilting_mass_kg_m2: [f64; 2],
     /// Directions that the ground holds. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(example = ["x", "y", "rz"])]
     pub fixed: Vec<Direction>,
 }
 
-/// Direction of a node: "x", "y" or "rz".
+/// Direction of a node: "x", "y" or "rz"; in space "x", "y", "z", "rx", "ry" or "rz".
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// Displacement to the right.
+    /// Displacement along x.
     X,
-    /// Displacement upwards.
+    /// Displacement along y.
     Y,
-    /// Rotation from x to y.
+    /// Displacement along z.
+    Z,
+    /// Rotation about x.
+    Rx,
+    /// Rotation about y.
+    Ry,
+    /// Rotation about z, from x to y.
     Rz,
 }
 
 impl Direction {
     /// All of them, in the order of the DOFs.
-    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Rz];
+    pub const ALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::Rx, Self::Ry, Self::Rz];
+
+    /// Those of a plane frame.
+    pub const PLANE: [Self; 3] = [Self::X, Self::Y, Self::Rz];
 
     /// As a test file spells it.
     #[must_use]
@@ -94,13 +139,43 @@ impl Direction {
         match self {
             Self::X => "x",
             Self::Y => "y",
+            Self::Z => "z",
+            Self::Rx => "rx",
+            Self::Ry => "ry",
             Self::Rz => "rz",
+        }
+    }
+
+    /// True of a rotation.
+    #[must_use]
+    pub const fn turns(self) -> bool {
+        matches!(self, Self::Rx | Self::Ry | Self::Rz)
+    }
+}
+
+impl FrameSpec {
+    /// Directions of a node.
+    #[must_use]
+    pub const fn directions(&self) -> &'static [Direction] {
+        match self.dimension {
+            3 => &Direction::ALL,
+            _ => &Direction::PLANE,
+        }
+    }
+
+    /// The direction upwards.
+    #[must_use]
+    pub const fn upwards(&self) -> Direction {
+        match self.dimension {
+            3 => Direction::Z,
+            _ => Direction::Y,
         }
     }
 }
 
-/// Cross-section. Bending is about the axis normal to the plane. A solid shape has either
-/// `young_pa` or the `material` of its fibres.
+/// Cross-section. Its depth lies in the plane, or in the direction of the `orientation` of its
+/// member. A solid shape has either `young_pa` or the `material` of its fibres. In space it twists
+/// with G = E/2.6.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum SectionSpec {
@@ -108,8 +183,8 @@ pub enum SectionSpec {
     Elastic(ElasticSpec),
     /// Rectangle.
     Rectangle(RectangleSpec),
-    /// Doubly symmetric I or H shape, bent about its strong axis. Fillets are not counted. A
-    /// rectangular tube is an I shape with a web of two walls.
+    /// Doubly symmetric I or H shape. Fillets are not counted. In a plane, a rectangular tube is an
+    /// I shape with a web of two walls.
     IShape(IShapeSpec),
     /// Solid circle.
     Circle(CircleSpec),
@@ -131,9 +206,17 @@ pub struct ElasticSpec {
     /// Area.
     #[schemars(example = 0.0149)]
     pub area_m2: f64,
-    /// Second moment of area.
+    /// Second moment of area for bending over the depth.
     #[schemars(example = 2.517e-4)]
     pub inertia_m4: f64,
+    /// Second moment of area for bending over the width. Needed in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 8.563e-5)]
+    pub weak_inertia_m4: Option<f64>,
+    /// Torsion constant J; G is E/2.6. Needed in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.85e-6)]
+    pub torsion_m4: Option<f64>,
 }
 
 /// Rectangular section.
@@ -157,6 +240,9 @@ pub struct RectangleSpec {
     /// Number of fibres over the depth. Default: 20.
     #[serde(default = "twenty")]
     pub layers: usize,
+    /// Number of fibres over the width in space. Default: 8.
+    #[serde(default = "eight")]
+    pub layers_across: usize,
 }
 
 /// I or H section.
@@ -187,6 +273,9 @@ pub struct IShapeSpec {
     /// Default: 20.
     #[serde(default = "twenty")]
     pub layers: usize,
+    /// Number of fibres over the width in space. Default: 8.
+    #[serde(default = "eight")]
+    pub layers_across: usize,
 }
 
 /// Solid circular section.
@@ -204,7 +293,7 @@ pub struct CircleSpec {
     /// Diameter.
     #[schemars(example = 0.4)]
     pub diameter_m: f64,
-    /// Number of fibres over the diameter. Default: 20.
+    /// Number of fibres over the diameter; in space of sectors. Default: 20.
     #[serde(default = "twenty")]
     pub layers: usize,
 }
@@ -227,13 +316,13 @@ pub struct TubeSpec {
     /// Thickness of the wall.
     #[schemars(example = 0.01)]
     pub thickness_m: f64,
-    /// Number of fibres over the diameter. Default: 20.
+    /// Number of fibres over the diameter; in space of sectors. Default: 20.
     #[serde(default = "twenty")]
     pub layers: usize,
 }
 
 /// Rectangular section of reinforced concrete, with bars near the top, near the bottom and at mid-depth.
-/// The bars do not displace concrete.
+/// The bars do not displace concrete. In space they lie at the corners and sides of the core.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RcRectangleSpec {
@@ -269,6 +358,9 @@ pub struct RcRectangleSpec {
     /// Number of fibres over the depth of the core. Default: 20.
     #[serde(default = "twenty")]
     pub layers: usize,
+    /// Number of fibres over the width in space. Default: 8.
+    #[serde(default = "eight")]
+    pub layers_across: usize,
 }
 
 /// Fibre of a section.
@@ -278,6 +370,10 @@ pub struct FibreSpec {
     /// Distance from the axis of the member, positive to the left of its direction.
     #[schemars(example = 0.14)]
     pub y_m: f64,
+    /// Distance from the axis along the local axis z, in space. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = 0.05)]
+    pub z_m: f64,
     /// Area.
     #[schemars(example = 2e-4)]
     pub area_m2: f64,
@@ -288,6 +384,10 @@ pub struct FibreSpec {
 
 fn twenty() -> usize {
     20
+}
+
+fn eight() -> usize {
+    8
 }
 
 /// Straight member between two nodes, without shear deformation.
@@ -312,31 +412,47 @@ pub struct MemberSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 5)]
     pub points: Option<usize>,
-    /// Name of the hinge at its start, in series with the elastic member. Default: none.
+    /// Name of the hinge at its start, in series with the elastic member, for bending over its depth.
+    /// Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"beam end")]
     pub hinge_start: Option<String>,
-    /// Name of the hinge at its end, in series with the elastic member. Default: none.
+    /// Name of the hinge at its end, in series with the elastic member, for bending over its depth.
+    /// Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"beam end")]
     pub hinge_end: Option<String>,
-    /// Ends that bear no moment. Default: none.
+    /// Ends that bear no bending moment. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(example = ["end"])]
     pub release: Vec<MemberEnd>,
-    /// Rigid offset of the start of the member from its node, in x and y. Default: none.
+    /// Rigid offset of the start of the member from its node, in x, y and, in space, z. Default: none.
     #[serde(default)]
     #[schemars(example = [0.15, 0.0])]
-    pub offset_start_m: [f64; 2],
-    /// Rigid offset of the end of the member from its node, in x and y. Default: none.
+    pub offset_start_m: Vec<f64>,
+    /// Rigid offset of the end of the member from its node, in x, y and, in space, z. Default: none.
     #[serde(default)]
     #[schemars(example = [-0.15, 0.0])]
-    pub offset_end_m: [f64; 2],
+    pub offset_end_m: Vec<f64>,
+    /// A vector in space to which the depth of the section points: the part of it across the
+    /// member. Its length is irrelevant. Default: z, and x for a member along z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.0, 0.0, 1.0])]
+    pub orientation: Option<[f64; 3]>,
+    /// Torsional rigidity G J in space. Needed for reinforced concrete and single fibres. Default:
+    /// that of the section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0e6)]
+    pub torsion_n_m2: Option<f64>,
     /// If true, the axial force of the static loads acts at the displaced ends of the member: P-Δ
     /// effect. The force stays constant. Default: false.
     #[serde(default)]
     #[schemars(example = true)]
     pub p_delta: bool,
+    /// Corotational geometry: large displacements and rotations of a member with small deformations.
+    /// Its stability is not proven. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corotational: Option<CorotationalSpec>,
     /// If true, its deformations and forces are recorded. An elastic member without hinges has no such
     /// columns. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -384,13 +500,27 @@ impl MemberSpec {
             hinge_start: None,
             hinge_end: None,
             release: Vec::new(),
-            offset_start_m: [0.0; 2],
-            offset_end_m: [0.0; 2],
+            offset_start_m: Vec::new(),
+            offset_end_m: Vec::new(),
+            orientation: None,
+            torsion_n_m2: None,
             p_delta: false,
+            corotational: None,
             record: false,
             stiffness_coefficient_s: None,
         }
     }
+}
+
+/// Corotational geometry of a member.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CorotationalSpec {
+    /// Largest tension expected, which stiffens it across its axis. λ is chosen for it. Without it
+    /// `integrator.lambda` must be a number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0e5)]
+    pub largest_tension_n: Option<f64>,
 }
 
 /// How a member deforms.
@@ -423,10 +553,10 @@ pub struct FrameLinkSpec {
     /// Names of its two nodes: start and end.
     #[schemars(example = ["A0", "A1"])]
     pub nodes: [String; 2],
-    /// Direction in which it acts: "x", "y", "rz", or "axial" along the line from start to end.
+    /// Direction in which it acts: one of its nodes, or "axial" along the line from start to end.
     #[schemars(example = &"axial")]
     pub direction: LinkDirection,
-    /// Its force over the motion of the end from the start; for "rz" N m for N and rad for m.
+    /// Its force over the motion of the end from the start; for a rotation N m for N and rad for m.
     pub law: LawSpec,
     /// Largest displacement that a bound of its tangent needs, for some laws. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -450,14 +580,36 @@ pub struct FrameLinkSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LinkDirection {
-    /// Displacement to the right.
+    /// Displacement along x.
     X,
-    /// Displacement upwards.
+    /// Displacement along y.
     Y,
-    /// Rotation from x to y.
+    /// Displacement along z.
+    Z,
+    /// Rotation about x.
+    Rx,
+    /// Rotation about y.
+    Ry,
+    /// Rotation about z, from x to y.
     Rz,
     /// Along the line from its first node to its second.
     Axial,
+}
+
+impl LinkDirection {
+    /// That of nodes; none along a line.
+    #[must_use]
+    pub const fn of_nodes(self) -> Option<Direction> {
+        Some(match self {
+            Self::X => Direction::X,
+            Self::Y => Direction::Y,
+            Self::Z => Direction::Z,
+            Self::Rx => Direction::Rx,
+            Self::Ry => Direction::Ry,
+            Self::Rz => Direction::Rz,
+            Self::Axial => return None,
+        })
+    }
 }
 
 /// End of a member.
@@ -478,7 +630,8 @@ pub enum ConstraintSpec {
     Equal(EqualSpec),
     /// Rigid body: the nodes move and turn with the master.
     Rigid(FollowersSpec),
-    /// Rigid floor: the nodes have the x displacement of the master.
+    /// Rigid floor. In a plane the nodes have the x displacement of the master. In space they move and
+    /// turn with it in x, y and rz.
     Diaphragm(FollowersSpec),
 }
 
@@ -516,16 +669,43 @@ pub struct NodeLoadSpec {
     /// Name of the node.
     #[schemars(example = &"A1")]
     pub node: String,
-    /// Force to the right. Default: 0.
+    /// Force along x. Default: 0.
     #[serde(default)]
     #[schemars(example = 1e3)]
     pub x_n: f64,
-    /// Force upwards: a weight is negative. Default: 0.
+    /// Force along y, in a plane upwards: a weight is negative. Default: 0.
     #[serde(default)]
     #[schemars(example = -2.9e5)]
     pub y_n: f64,
-    /// Moment from x to y. Default: 0.
+    /// Force along z, in space upwards: a weight is negative. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = -2.9e5)]
+    pub z_n: f64,
+    /// Moment about x, in space. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = 1e3)]
+    pub rx_n_m: f64,
+    /// Moment about y, in space. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = 1e3)]
+    pub ry_n_m: f64,
+    /// Moment about z, from x to y. Default: 0.
     #[serde(default)]
     #[schemars(example = 1e3)]
     pub rz_n_m: f64,
+}
+
+impl NodeLoadSpec {
+    /// Key and value for each direction.
+    #[must_use]
+    pub const fn each(&self) -> [(&'static str, f64); 6] {
+        [
+            ("x_n", self.x_n),
+            ("y_n", self.y_n),
+            ("z_n", self.z_n),
+            ("rx_n_m", self.rx_n_m),
+            ("ry_n_m", self.ry_n_m),
+            ("rz_n_m", self.rz_n_m),
+        ]
+    }
 }

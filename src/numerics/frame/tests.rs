@@ -4,6 +4,9 @@ use super::*;
 use crate::linalg::{Spd, modes};
 use gusset_quantity::assert_is;
 
+mod large;
+mod space;
+
 const E: f64 = 2.1e11;
 const A: f64 = 0.0149;
 const I: f64 = 2.517e-4;

@@ -34,7 +34,7 @@ impl FrameSpec {
         for (index, (spec, part)) in self.member.iter().zip(parts).enumerate() {
             let mut utilisation: Option<f64> = None;
             if let Some(disp) = &disp {
-                let [axial, start, end] = part.first_forces(disp);
+                let [axial, start, end, weak_start, weak_end, _] = part.first_forces(disp);
                 let section = self.section_named(index, &spec.section)?;
                 let bends = spec.kind != MemberKind::Truss;
                 let hinges = [(&spec.hinge_start, start), (&spec.hinge_end, end)];
@@ -43,13 +43,13 @@ impl FrameSpec {
                     Some(moment.abs() / yields)
                 });
                 // The moment of a section is positive where it stretches the fibres at −y.
-                let of_sections =
-                    [-start, end].map(|moment| section.utilisation(axial, moment, bends));
+                let of_sections = [[axial, -start, -weak_start], [axial, end, weak_end]]
+                    .map(|forces| section.utilisation(forces, bends));
                 let all = of_hinges.into_iter().chain(of_sections).flatten();
                 utilisation = all.reduce(f64::max);
             }
             members.push(MemberUse {
-                length: part.ends().map_or(0.0, |ends| ends.chord.length),
+                length: part.ends().map_or(0.0, |ends| ends.chord.length()),
                 name: part.title.1,
                 utilisation,
             });

@@ -19,6 +19,7 @@ mod envelope;
 mod extrapolate;
 mod hysteretic;
 mod imk;
+mod maxwell;
 mod memoryless;
 mod parallel;
 mod pinching4;
@@ -45,6 +46,7 @@ pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSp
 pub use envelope::EnvelopePointSpec;
 pub use hysteretic::{Hysteretic, HystereticSpec};
 pub use imk::{HingeResponse, Imk, ImkSpec, NegativeHingeSpec};
+pub use maxwell::MaxwellSpec;
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
 pub use pinching4::{DamageType, PinchSpec, Pinching4, Pinching4Spec};

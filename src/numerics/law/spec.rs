@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BilinearSpec, BiviscousSpec, BoucWenSpec, BucklingRestrainedSpec, CubicSpec, GapSpec,
-    HystereticSpec, ImkSpec, Law, LawError, LinearSpec, Parallel, Pinching4Spec, PoundingSpec,
-    PowerDamperSpec, SelfCentringSpec, SmoothFrictionSpec, SquareRootSpec,
+    HystereticSpec, ImkSpec, Law, LawError, LinearSpec, MaxwellSpec, Parallel, Pinching4Spec,
+    PoundingSpec, PowerDamperSpec, SelfCentringSpec, SmoothFrictionSpec, SquareRootSpec,
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
@@ -47,6 +47,8 @@ pub enum LawSpec {
     Biviscous(BiviscousSpec),
     /// Fluid damper whose force is a power of the velocity.
     PowerDamper(PowerDamperSpec),
+    /// Spring in series with a fluid damper: a damper in its brace, or a material that relaxes.
+    Maxwell(MaxwellSpec),
     /// Several laws in parallel. The force is the sum of their forces.
     Parallel(Vec<LawSpec>),
 }
@@ -84,6 +86,7 @@ impl LawSpec {
             Self::SmoothFriction(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
             Self::PowerDamper(spec) => Box::new(spec.build()?),
+            Self::Maxwell(spec) => Box::new(spec.build()?),
             Self::Parallel(specs) => Box::new(Parallel::new(Self::build_all("parallel", specs)?)?),
         })
     }

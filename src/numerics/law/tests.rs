@@ -37,6 +37,8 @@ biviscous = "biviscous = { damping_n_s_per_m = 180.0, post_yield_damping_n_s_per
 power_low = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.4, linear_below_m_per_s = 1e-3 }"
 power_bare = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.4, reference_damping_n_s_per_m = 5e3 }"
 power_high = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 1.8, reference_damping_n_s_per_m = 5e3 }"
+maxwell = "maxwell = { stiffness_n_per_m = 1.19e6, force_at_unit_velocity_n = 3e4 }"
+brace = "maxwell = { stiffness_n_per_m = 1.19e6, force_at_unit_velocity_n = 3e3, exponent = 0.35 }"
 isolator = "parallel = [ { bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 } }, { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 2e4 } }, { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 700.0, post_yield_ratio = 0.0, beta = 0.5, gamma = 0.5, exponent = 2 } } ]"
 "#;
 
@@ -60,6 +62,8 @@ fn of_displacement() -> Vec<(String, LawSpec)> {
             "biviscous",
             "isolator",
             "hertz_pounding",
+            "maxwell",
+            "brace",
         ]
         .contains(&name.as_str())
             && !name.starts_with("power")

@@ -12,6 +12,8 @@ use std::fmt::Display;
 pub enum Each {
     /// The test.
     Test,
+    /// A component of the ground motion: a direction or a number.
+    Component,
     /// A recorded DOF.
     Dof,
     /// A recorded member or link of a frame.
@@ -95,6 +97,15 @@ impl Kind {
         self.stem
     }
 
+    /// Name of the column of a component of the ground motion; an empty one is the only one.
+    #[must_use]
+    pub fn of_component(&self, component: &str) -> String {
+        match component {
+            "" => self.stem.to_owned(),
+            component => format!("{}_{component}", self.stem),
+        }
+    }
+
     /// Name of the column of a DOF.
     #[must_use]
     pub fn of_dof(&self, dof: impl Display) -> String {
@@ -130,6 +141,7 @@ impl Kind {
         let stem = self.stem;
         match self.each {
             Each::Test => stem.to_owned(),
+            Each::Component => format!("{stem}_D"),
             Each::Dof => format!("{stem}N"),
             Each::Member => format!("{stem}_M"),
             Each::Specimen => format!("{stem}_S"),
@@ -157,7 +169,11 @@ impl Kind {
     #[must_use]
     pub fn specimen_in(&self, name: &str) -> Option<u32> {
         let [specimen, _] = self.numbers(name)?;
-        (!matches!(self.each, Each::Test | Each::Dof | Each::Member)).then_some(specimen)
+        let is_none = matches!(
+            self.each,
+            Each::Test | Each::Component | Each::Dof | Each::Member
+        );
+        (!is_none).then_some(specimen)
     }
 
     /// Number of the member of the column of this name, if it is of this kind.
@@ -184,6 +200,10 @@ impl Kind {
         let parts = || rest.strip_prefix('_');
         Some(match self.each {
             Each::Test => return rest.is_empty().then_some([0; 2]),
+            Each::Component => match parts()? {
+                "x" | "y" | "z" => [0; 2],
+                component => [number(component)?, 0],
+            },
             Each::Dof => [number(rest)?, 0],
             Each::Member | Each::Specimen => [number(parts()?)?, 0],
             Each::Axis | Each::Coordinate | Each::Signal => {
@@ -227,6 +247,12 @@ impl Kind {
 /// Page of the guide with this table.
 pub const PAGE: &str = "columns";
 
+/// True for a column of the ground motion.
+#[must_use]
+pub fn is_ground(name: &str) -> bool {
+    GROUND.fits(name) || GROUND_COMPONENT.fits(name)
+}
+
 /// The kind of a column of this name, of a test or a server; none if no kind has such a name. The columns of limits of the whole test have
 /// no kind. Of kinds that share a name it is the first.
 #[must_use]
@@ -257,6 +283,7 @@ const ALWAYS: &str = "always";
 const STRUCTURE: &str = "with a structure";
 const UNIT: &str = "with a loading unit";
 const MEMBER: &str = "with a member or link that has `record = true`";
+const IN_SPACE: &str = "with a member in space that has `record = true`";
 const TRACKED: &str = "where the tracking of the axis is estimated";
 
 kinds! {
@@ -280,6 +307,9 @@ kinds! {
     TIME = "time", Test, "s", Loop, ALWAYS, "test time";
     /// Acceleration of the ground.
     GROUND = "ground", Test, "m/s2", Excitation, "always, except with a base displacement", "acceleration of the ground";
+    /// Acceleration of the ground in a direction, or of a component.
+    GROUND_COMPONENT = "ground", Component, "m/s2", Excitation, "with several components, instead of `ground`",
+        "acceleration of the ground";
     /// Displacement of the base, in the same column.
     BASE = "ground", Test, "m", Excitation, "with a base displacement", "displacement of the base";
     /// Commands of the operator.
@@ -307,12 +337,24 @@ kinds! {
     START_ROTATION = "rotation_start", Member, "rad", Integrator, MEMBER, "rotation of the start from the chord";
     /// Its rotation from the chord at its end.
     END_ROTATION = "rotation_end", Member, "rad", Integrator, MEMBER, "rotation of the end from the chord";
+    /// Its rotation about the local axis y at its start, in space.
+    WEAK_START_ROTATION = "weak_rotation_start", Member, "rad", Integrator, IN_SPACE, "rotation of the start from the chord about the local axis y";
+    /// Its rotation about the local axis y at its end, in space.
+    WEAK_END_ROTATION = "weak_rotation_end", Member, "rad", Integrator, IN_SPACE, "rotation of the end from the chord about the local axis y";
+    /// Its twist, in space.
+    TWIST = "twist", Member, "rad", Integrator, IN_SPACE, "twist from start to end";
     /// Its axial force, or the force of a link.
     MEMBER_FORCE = "member_force", Member, "N or N m", Integrator, MEMBER, "axial force, tension positive, or force of a link";
     /// Its moment at its start.
     START_MOMENT = "moment_start", Member, "N m", Integrator, MEMBER, "moment at the start";
     /// Its moment at its end.
     END_MOMENT = "moment_end", Member, "N m", Integrator, MEMBER, "moment at the end";
+    /// Its moment about the local axis y at its start, in space.
+    WEAK_START_MOMENT = "weak_moment_start", Member, "N m", Integrator, IN_SPACE, "moment at the start about the local axis y";
+    /// Its moment about the local axis y at its end, in space.
+    WEAK_END_MOMENT = "weak_moment_end", Member, "N m", Integrator, IN_SPACE, "moment at the end about the local axis y";
+    /// Its torque, in space.
+    TORQUE = "torque", Member, "N m", Integrator, IN_SPACE, "torque";
     /// Target of an axis.
     TARGET = "target", Axis, "m", Integrator, ALWAYS, "target: the deformation B·x of the structure";
     /// Target of an actuator of a loading unit, in the same column.
@@ -534,6 +576,7 @@ mod tests {
         for kind in TEST {
             let name = match kind.each {
                 Each::Test => kind.name().to_owned(),
+                Each::Component => kind.of_component("x"),
                 Each::Dof => kind.of_dof(12),
                 Each::Member | Each::Specimen => kind.of_specimen(3),
                 Each::Axis | Each::Coordinate | Each::Signal => kind.of_axis(2, 10),
@@ -544,7 +587,7 @@ mod tests {
             let (dof, of) = (found.dof_in(&name), found.specimen_in(&name));
             let read = (dof, of, found.axis_in(&name));
             let expected = match kind.each {
-                Each::Test => (None, None, None),
+                Each::Test | Each::Component => (None, None, None),
                 Each::Dof => (Some(12), None, None),
                 Each::Member => (None, None, None),
                 Each::Specimen => (None, Some(3), None),

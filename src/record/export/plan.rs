@@ -163,13 +163,19 @@ const AXIS: [Kind; 4] = [
     column::FORCE,
 ];
 
-const MEMBER: [Kind; 6] = [
+const MEMBER: [Kind; 12] = [
     column::STRETCH,
     column::START_ROTATION,
     column::END_ROTATION,
     column::MEMBER_FORCE,
     column::START_MOMENT,
     column::END_MOMENT,
+    column::WEAK_START_ROTATION,
+    column::WEAK_END_ROTATION,
+    column::TWIST,
+    column::WEAK_START_MOMENT,
+    column::WEAK_END_MOMENT,
+    column::TORQUE,
 ];
 
 /// Why a walk ended early.
@@ -232,14 +238,12 @@ impl Plan {
                 wanted.push((column.name.clone(), "", Some(place)));
             }
         }
-        if !dofs.is_empty()
-            && let Some(place) = layout.index_of(column::GROUND.name())
-        {
-            wanted.push((
-                column::GROUND.name().to_owned(),
-                column::GROUND.unit,
-                Some(place),
-            ));
+        if !dofs.is_empty() {
+            for (place, column) in layout.columns().iter().enumerate() {
+                if column::is_ground(&column.name) {
+                    wanted.push((column.name.clone(), column::GROUND.unit, Some(place)));
+                }
+            }
         }
         let sums = sums
             .iter()

@@ -13,7 +13,7 @@ use super::{Staging, StandIn, staged_with};
 use gusset_config::{ConfigError, Loaded};
 use gusset_control::engine::{Control, Ending, Experiment, Phase};
 use gusset_motion::Excitation;
-use gusset_numerics::frame::{Direction as Turn, FrameSpec};
+use gusset_numerics::frame::FrameSpec;
 use gusset_numerics::model::StructureSpec;
 use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 use gusset_quantity::catalog::column;
@@ -202,7 +202,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let frame = structure.and_then(|table| table.frame.as_ref());
     let places = frame.map(FrameSpec::places).unwrap_or_default();
     let turns = |dof: usize| match places.get(dof) {
-        Some((_, direction)) => *direction == Turn::Rz,
+        Some((_, direction)) => direction.turns(),
         None => structure.is_some_and(|table| table.rotations.contains(&(dof + 1))),
     };
     let iota = ideal.influence();
@@ -301,7 +301,7 @@ impl Drifts {
         Self {
             each: each.collect(),
             // A test from its initial state takes in nothing.
-            energy: (!excitation.has_base() && energy != 0.0).then_some(energy),
+            energy: (!excitation.is_absolute() && energy != 0.0).then_some(energy),
         }
     }
 }

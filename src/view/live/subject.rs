@@ -166,7 +166,7 @@ pub struct Places {
     pub step: Option<usize>,
     pub state: Option<usize>,
     pub time: Option<usize>,
-    pub ground: Option<usize>,
+    pub grounds: Vec<usize>,
     pub release: Option<usize>,
     pub stretched: Option<usize>,
     pub dofs: Vec<usize>,
@@ -178,13 +178,16 @@ pub struct Places {
 }
 
 impl Places {
-    /// The places of these DOFs and of all other columns; `find` finds a column by name.
-    fn of(dofs: &[usize], find: impl Fn(&str) -> Option<usize>) -> Self {
+    /// The places of these DOFs and of all other columns.
+    fn of(dofs: &[usize], columns: &[Column]) -> Self {
+        let find = |name: &str| columns.iter().position(|column| column.name == name);
+        let names = columns.iter().enumerate();
+        let grounds = names.filter(|(_, column)| column::is_ground(&column.name));
         Self {
             step: find(column::STEP.name()),
             state: find(column::STATE.name()),
             time: find(column::TIME.name()),
-            ground: find(column::GROUND.name()),
+            grounds: grounds.map(|(place, _)| place).collect(),
             release: find(column::RELEASE.name()),
             stretched: find(column::STRETCHED.name()),
             dofs: dofs
@@ -273,7 +276,7 @@ impl Subject {
             })
             .collect();
         let dofs = some_of(&experiment.record_dofs);
-        let places = Places::of(&dofs, find);
+        let places = Places::of(&dofs, &columns);
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
             title: printable(&about.title),
@@ -350,9 +353,14 @@ fn channels(
             channel(ChannelKind::Dof, format!("DOF {}", dof + 1), unit, None)
         })
         .collect();
-    let unit = places.ground.and_then(|place| columns.get(place));
-    let unit = unit.map_or("", |column| column.unit.as_str());
-    all.push(channel(ChannelKind::Ground, "ground".into(), unit, None));
+    for column in places
+        .grounds
+        .iter()
+        .filter_map(|place| columns.get(*place))
+    {
+        let label = column.name.replace('_', " ");
+        all.push(channel(ChannelKind::Ground, label, &column.unit, None));
+    }
     all.push(channel(
         ChannelKind::Lateness,
         "wake-up lateness".into(),

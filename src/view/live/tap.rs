@@ -181,13 +181,13 @@ impl Tap {
     fn fill(&mut self, row: &[f64]) {
         let subject = &self.board.subject;
         let places = &subject.places;
-        let mut dofs = places.dofs.iter();
+        let (mut dofs, mut grounds) = (places.dofs.iter(), places.grounds.iter());
         let mut axes = axes(&self.specimens);
         let mut axis = None;
         for (slot, channel) in self.open.values.iter_mut().zip(&subject.channels) {
             let value = match channel.kind {
                 ChannelKind::Dof => at(row, dofs.next().copied()),
-                ChannelKind::Ground => at(row, places.ground),
+                ChannelKind::Ground => at(row, grounds.next().copied()),
                 ChannelKind::Lateness => at(row, places.timing[0]),
                 ChannelKind::Command => {
                     // The first of an axis' channels.

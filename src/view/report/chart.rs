@@ -264,6 +264,8 @@ pub struct Chart<'a> {
     across: Scale<'a>,
     up: Scale<'a>,
     size: (f64, f64),
+    /// Wall time of a second of test time, s.
+    slower: f64,
     is_history: bool,
     is_square: bool,
     coloured: usize,
@@ -285,6 +287,7 @@ impl<'a> Chart<'a> {
             across,
             up,
             size: (HALF, 320.0),
+            slower: 1.0,
             is_history: false,
             is_square: false,
             coloured: 0,
@@ -302,6 +305,13 @@ impl<'a> Chart<'a> {
             size: (WHOLE, 220.0),
             ..Self::new(title, Scale::new("test time", "s"), up)
         }
+    }
+
+    /// The axis of time tells that of the laboratory, too, where a second of the test takes `seconds` of it.
+    #[must_use]
+    pub(super) const fn slower(mut self, seconds: f64) -> Self {
+        self.slower = seconds;
+        self
     }
 
     /// Its size in display units.
@@ -449,9 +459,13 @@ impl<'a> Chart<'a> {
         };
         let area = self.headed(canvas, area, &levels);
         let columns = if self.is_history { 90.0 } else { 75.0 };
-        let across =
+        let mut across =
             self.across
                 .labelled(&x, (area.w / columns).clamp(3.0, 12.0), !self.is_history);
+        if self.slower != 1.0 {
+            let told = format!("; {} times as long in the laboratory", self.slower);
+            across.name.push_str(&told);
+        }
         let up = self
             .up
             .labelled(&y, ((area.h - 70.0) / 40.0).clamp(3.0, 8.0), true);

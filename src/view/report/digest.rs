@@ -49,7 +49,10 @@ pub struct Digest {
     pub(super) stale: Vec<(u32, u64)>,
     /// The last values of every axis, and those of the shutdown.
     pub(super) ends: Vec<AxisEnd>,
-    pub(super) shaking: Option<Shaking>,
+    /// Columns of the ground motion.
+    pub(super) grounds: Vec<String>,
+    /// Facts about each ground that moves, with its column.
+    pub(super) shaking: Vec<(String, Shaking)>,
     /// Amplitude spectra of displacements: DOF, (Hz, m s).
     pub(super) spectra: Vec<(u32, Vec<(f64, f64)>)>,
     /// Energies over time; empty where there is no model.
@@ -86,10 +89,12 @@ impl Digest {
         broken.map(|axis| axis.axis).filter(move |_| is_timed)
     }
 
-    /// Motion of the ground at the steps before the first of the rows; empty if there are no such steps, or it is unknown.
-    pub(super) fn ground_before(&self) -> &[f64] {
+    /// Motion of the ground in a column, from 0, at the steps before the first of the rows; empty if there are no such steps, or it
+    /// is unknown.
+    pub(super) fn ground_before(&self, column: usize) -> &[f64] {
         let first = self.passed.range.map_or(0, |(first, _)| first);
-        let known = self.earlier.as_ref().map(|earlier| &earlier.ground);
+        let known = self.earlier.as_ref().map(|earlier| &earlier.grounds);
+        let known = known.and_then(|grounds| grounds.get(column));
         let whole = known.filter(|ground| ground.len() as u64 == first);
         whole.map_or(&[], Vec::as_slice)
     }

@@ -32,7 +32,9 @@ pub(super) struct FarthestPass {
     disp: Vec<(usize, f64)>,
     /// The motions of the nodes, each once.
     motions: Vec<Motion>,
-    /// In x and in y.
+    /// The direction upwards.
+    up: Direction,
+    /// Sideways and upwards.
     most: [Option<Farthest>; 2],
 }
 
@@ -54,7 +56,7 @@ impl FarthestPass {
         };
         let mut motions: Vec<Motion> = Vec::new();
         for node in model.nodes() {
-            for direction in [Direction::X, Direction::Y] {
+            for &direction in spec.directions().iter().filter(|one| !one.turns()) {
                 let motion = model.motion(node, direction).unwrap_or_default();
                 if !motions.iter().any(|(_, _, known)| known == motion) {
                     motions.push((node.clone(), direction, motion.to_vec()));
@@ -66,6 +68,7 @@ impl FarthestPass {
             ground,
             disp: disp.collect::<Option<_>>()?,
             motions,
+            up: spec.upwards(),
             most: [None, None],
         })
     }
@@ -84,7 +87,7 @@ impl FarthestPass {
             }
             for (node, direction, motion) in &self.motions {
                 let value = moved(motion, &disp);
-                let most = &mut self.most[*direction as usize];
+                let most = &mut self.most[usize::from(*direction == self.up)];
                 if most
                     .as_ref()
                     .is_none_or(|most| value.abs() > most.value.abs())
@@ -101,7 +104,7 @@ impl FarthestPass {
         }
     }
 
-    /// In x; of a frame that does not drift, in y.
+    /// Sideways; of a frame that does not drift, upwards.
     pub(crate) fn finish(self) -> Option<Farthest> {
         let [across, up] = self.most;
         let least = up.as_ref().map_or(0.0, |up| NO_DRIFT * up.value.abs());

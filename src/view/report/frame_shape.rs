@@ -50,9 +50,28 @@ impl Node {
 #[derive(Debug, Clone, Copy)]
 struct Shape([Point; 6]);
 
+/// Where the picture shows a place: of space the x–z plane, with y behind it.
+fn seen(at: &[f64]) -> Point {
+    let [x, y, z] = [0, 1, 2].map(|k| at.get(k).copied().unwrap_or(0.0));
+    match at.len() {
+        3 => [x + 0.45 * y, z + 0.3 * y],
+        _ => [x, y],
+    }
+}
+
 impl Shape {
+    /// A member in space is drawn straight.
+    fn straight(member: &MemberSpec, nodes: [Node; 2]) -> Self {
+        let [first, second] = nodes.map(|node| node.place());
+        let offsets = [&member.offset_start_m, &member.offset_end_m].map(|of| seen(of));
+        let [start, end] = [(first, offsets[0]), (second, offsets[1])]
+            .map(|(at, by)| [0, 1].map(|d| at[d] + by[d]));
+        let part = |share: f64| [0, 1].map(|d| start[d] + share * (end[d] - start[d]));
+        Self([first, start, part(1.0 / 3.0), part(2.0 / 3.0), end, second])
+    }
+
     fn of(member: &MemberSpec, nodes: [Node; 2]) -> Self {
-        let offsets = [member.offset_start_m, member.offset_end_m];
+        let offsets = [&member.offset_start_m, &member.offset_end_m].map(|of| seen(of));
         let [(from, start), (to, end)] = [0, 1].map(|k| {
             let (Node { at, disp }, [ox, oy]) = (nodes[k], offsets[k]);
             let moved = [disp[0] - oy * disp[2], disp[1] + ox * disp[2]];
@@ -111,16 +130,26 @@ impl Drawn {
     fn of(spec: &FrameSpec, model: &FrameModel, disp: &[f64], factor: f64) -> Self {
         let nodes = spec.node.iter().map(|node| {
             let motion = |of| model.motion(&node.name, of).unwrap_or_default();
+            let moves = Direction::ALL.map(|of| factor * moved(motion(of), disp));
+            let [x, y, z, .., turn] = moves;
+            let [across, up] = match spec.dimension {
+                3 => seen(&[x, y, z]),
+                _ => [x, y],
+            };
             Node {
-                at: node.at_m,
-                disp: Direction::ALL.map(|of| factor * moved(motion(of), disp)),
+                at: seen(&node.at_m),
+                disp: [across, up, turn],
             }
         });
         let nodes: Vec<Node> = nodes.collect();
         let place = |name: &String| spec.node.iter().position(|node| node.name == *name);
         let node = |name: &String| place(name).map(|at| nodes[at]).unwrap_or_default();
         let members = spec.member.iter();
-        let shapes = members.map(|member| Shape::of(member, member.nodes.each_ref().map(node)));
+        let shape = match spec.dimension {
+            3 => Shape::straight,
+            _ => Shape::of,
+        };
+        let shapes = members.map(|member| shape(member, member.nodes.each_ref().map(node)));
         Self {
             shapes: shapes.collect(),
             nodes,
@@ -196,7 +225,7 @@ pub(super) fn figure(run: &RunView, rows: &Digest) -> Option<Markup> {
     let (title, says) = match &deformed {
         Ok((_, most, factor)) => {
             let what = match most.direction {
-                Direction::X => "the largest drift",
+                sideways if sideways != spec.upwards() => "the largest drift",
                 _ => "the largest displacement",
             };
             let says = format!(
@@ -274,7 +303,8 @@ fn picture(
             shapes.collect::<Vec<_>>()
         };
         for node in &spec.node {
-            support(canvas, place(node.at_m), &node.fixed);
+            let up = spec.upwards();
+            support(canvas, place(seen(&node.at_m)), (&node.fixed, up));
         }
         canvas.members(&shapes(still), Ink::Frame, 1.5);
         for (member, shape) in spec.member.iter().zip(&still.shapes) {
@@ -283,7 +313,7 @@ fn picture(
             }
         }
         for node in spec.node.iter().filter(|node| node.mass_kg > 0.0) {
-            canvas.circle(place(node.at_m), 3.5, Ink::Frame, true);
+            canvas.circle(place(seen(&node.at_m)), 3.5, Ink::Frame, true);
         }
         if let Some((drawn, most)) = deformed {
             canvas.members(&shapes(drawn), Ink::Series(0), 2.2);
@@ -312,8 +342,10 @@ fn picture(
 
 /// Ground where all directions are fixed. Else a triangle, with a line beside it where the node slides, and a square where it does
 /// not turn.
-fn support(canvas: &mut Canvas, (x, y): (f64, f64), fixed: &[Direction]) {
-    let [across, up, turn] = Direction::ALL.map(|direction| fixed.contains(&direction));
+fn support(canvas: &mut Canvas, (x, y): (f64, f64), (fixed, up): (&[Direction], Direction)) {
+    let across = fixed.contains(&Direction::X);
+    let up = fixed.contains(&up);
+    let turn = fixed.iter().any(|one| one.turns());
     if across && up && turn {
         return hatch(canvas, x - 10.0, x + 10.0, y);
     }

@@ -13,8 +13,8 @@ use super::text::{number, quantity};
 use super::{RunView, metrics};
 
 /// The ground at the steps before the first of the rows, if it is known: times, values, and the largest of them.
-fn before(rows: &Digest) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
-    let ground = rows.ground_before();
+fn before(rows: &Digest, column: usize) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
+    let ground = rows.ground_before(column);
     let step = rows.passed.step_s.unwrap_or(f64::NAN);
     let time: Vec<f64> = (0..ground.len()).map(|k| k as f64 * step).collect();
     let peak = metrics::peak(ground).map(|peak| Mark {
@@ -34,19 +34,38 @@ fn before(rows: &Digest) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
     )
 }
 
-/// Ground motion, if there was one: of the whole test, also where its first steps are in another folder.
+/// Ground motion, if there was one: of the whole test, also where its first steps are in another folder. Each column has a chart.
 pub(super) fn ground(run: &RunView, rows: &Digest) -> Option<Markup> {
+    let columns = rows.grounds.iter().enumerate();
+    let all = columns.filter_map(|(place, column)| component(run, rows, place, column));
+    let all: Vec<(Markup, bool)> = all.collect();
+    let is_whole = all.iter().any(|(_, is_whole)| *is_whole);
+    if all.is_empty() {
+        return None;
+    }
+    let markup = html! {
+        @if is_whole { (note("Values of the whole test. Steps recorded in another folder use the motion of the test file.")) }
+        @for (part, _) in &all { (part) }
+    };
+    Some(match is_whole {
+        true => section("Ground motion", markup),
+        false => rows.section("Ground motion", markup),
+    })
+}
+
+/// The motion in one column, if there is one, and whether it is that of the whole test.
+fn component(run: &RunView, rows: &Digest, place: usize, column: &str) -> Option<(Markup, bool)> {
     let History {
         time,
         values: ground,
-    } = rows.history("ground")?;
-    let ((time_before, ground_before), peak) = before(rows);
+    } = rows.history(column)?;
+    let ((time_before, ground_before), peak) = before(rows, place);
     let is_whole = !ground_before.is_empty();
     let (time, ground) = (
         [&time_before, time].concat(),
         [&ground_before, ground].concat(),
     );
-    let peaks = peak.into_iter().chain(rows.marks("ground").peak);
+    let peaks = peak.into_iter().chain(rows.marks(column).peak);
     // The first of equals.
     let peak = peaks.reduce(|first, then| {
         if then.value.abs() > first.value.abs() {
@@ -56,13 +75,17 @@ pub(super) fn ground(run: &RunView, rows: &Digest) -> Option<Markup> {
         }
     });
     let peak = peak.filter(|peak| peak.value != 0.0)?;
-    let is_base = rows.unit("ground") == "m";
+    let is_base = rows.unit(column) == "m";
     let (words, unit, name) = match is_base {
         true => ("displacement", "m", "Largest base displacement"),
         false => ("acceleration", "m/s^2", "Peak ground acceleration"),
     };
-    let chart = Chart::history("Ground motion", Scale::new(words, unit))
-        .labelled("Ground motion over test time")
+    let which = match column.strip_prefix("ground_") {
+        Some(component) => format!(", {component}"),
+        None => String::new(),
+    };
+    let chart = Chart::history(format!("Ground motion{which}"), Scale::new(words, unit))
+        .labelled(format!("Ground motion{which} over test time"))
         .with("", time, ground, Look::Line)
         .inked(Ink::Series(3))
         .marks(trips(run))
@@ -74,19 +97,16 @@ pub(super) fn ground(run: &RunView, rows: &Digest) -> Option<Markup> {
         name.to_owned(),
         format!("{largest}{in_g} at {}", rows.moment(peak.time)),
     )];
-    let shaking = rows.shaking.as_ref();
+    let mut shaking = rows.shaking.iter();
+    let shaking = shaking.find(|(own, _)| own == column).map(|(_, one)| one);
     facts.extend(shaking.into_iter().flat_map(measures));
     let spectra = shaking.map(spectra).unwrap_or_default();
     let markup = html! {
-        @if is_whole { (note("Values of the whole test. Steps recorded in another folder use the motion of the test file.")) }
         (chart.figure())
         (beside("columns", definitions(&facts)))
         (details("Spectra of the ground motion", spectra))
     };
-    Some(match is_whole {
-        true => section("Ground motion", markup),
-        false => rows.section("Ground motion", markup),
-    })
+    Some((markup, is_whole))
 }
 
 fn measures(shaking: &Shaking) -> Vec<(String, String)> {

@@ -10,7 +10,8 @@ use super::digest::Digest;
 use super::farthest::frame;
 use super::loop_line::{Loop, Points};
 use gusset_quantity::catalog::column::{
-    END_MOMENT, END_ROTATION, Kind, MEMBER_FORCE, START_MOMENT, START_ROTATION, STRETCH,
+    END_MOMENT, END_ROTATION, Kind, MEMBER_FORCE, START_MOMENT, START_ROTATION, STRETCH, TORQUE,
+    WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
 };
 
 /// Members that are drawn.
@@ -22,6 +23,12 @@ type Lines = &'static [(&'static str, Kind, Kind)];
 const OF_ENDS: Lines = &[
     ("start", START_ROTATION, START_MOMENT),
     ("end", END_ROTATION, END_MOMENT),
+];
+const IN_SPACE: Lines = &[
+    ("start", START_ROTATION, START_MOMENT),
+    ("end", END_ROTATION, END_MOMENT),
+    ("start, weak", WEAK_START_ROTATION, WEAK_START_MOMENT),
+    ("end, weak", WEAK_END_ROTATION, WEAK_END_MOMENT),
 ];
 const OF_LINK: Lines = &[("", STRETCH, MEMBER_FORCE)];
 
@@ -39,6 +46,9 @@ pub(super) fn figures(run: &RunView, rows: &Digest) -> Markup {
         let values = |kind: &Kind| rows.get(&column(kind)).unwrap_or_default();
         let bends = rows.get(&column(&START_MOMENT)).is_some();
         let (of, [across, up]) = match bends {
+            true if rows.get(&column(&TORQUE)).is_some() => {
+                (IN_SPACE, ["rotation from the chord", "moment"])
+            }
             true => (OF_ENDS, ["rotation from the chord", "moment"]),
             false => (OF_LINK, ["deformation", "force"]),
         };

@@ -22,7 +22,7 @@ fn missing_steps_drop_dependent_parts() {
         (None, Some(1.0 / RATE))
     );
     assert!(
-        digest.shaking.is_none()
+        digest.shaking.is_empty()
             && digest.spectra.is_empty()
             && digest.energy == table::Table::default()
     );

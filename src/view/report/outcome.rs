@@ -229,7 +229,8 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
 fn between(times: &TimeBetweenTargets) -> String {
     let part = |name: &str, shares: &StageShares| {
         format!(
-            "{name} {} at full pace, {} slower, {} at rest, {}",
+            "{name} {} in the laboratory, {} at full pace, {} slower, {} at rest, {}",
+            quantity(shares.laboratory_s, "s"),
             per_cent(shares.correcting + shares.predicting),
             per_cent(shares.slowing),
             per_cent(shares.holding),

@@ -11,7 +11,7 @@ use super::shaking::Shaking;
 use super::source::Source;
 use crate::TestFile;
 use gusset_motion::metrics::energy::Model;
-use gusset_quantity::catalog::column::{DISP, FORCE};
+use gusset_quantity::catalog::column::{DISP, FORCE, is_ground};
 use gusset_record::Column;
 
 /// DOFs of which spectra are made.
@@ -24,6 +24,12 @@ fn dofs(columns: &[Column]) -> Vec<u32> {
     dofs.sort_unstable();
     dofs.dedup();
     dofs
+}
+
+/// Columns of the ground among `columns`.
+fn grounds(columns: &[Column]) -> Vec<String> {
+    let names = columns.iter().map(|column| column.name.clone());
+    names.filter(|name| is_ground(name)).collect()
 }
 
 /// Axes of specimens with a force among `columns`, rising.
@@ -52,6 +58,7 @@ impl Digest {
         let mut digest = Self {
             dofs: dofs(columns),
             all_axes: axes(columns),
+            grounds: grounds(columns),
             ticks_per_step: source.ticks_per_step().max(1),
             earlier: source.earlier().cloned(),
             without_disp: source.without_disp().to_vec(),
@@ -69,13 +76,16 @@ impl Digest {
     fn conclude(&mut self, found: Second, measured: &[Measured], spectra: &[u32]) {
         let (steps, every) = found.steps;
         if let Some(dt) = self.interval.map(|dt| dt * every as f64) {
-            let ground = steps.get("ground").map(|ground| {
-                let before = self.ground_before().chunks(every);
+            for (place, column) in self.grounds.clone().into_iter().enumerate() {
+                let Some(ground) = steps.get(&column) else {
+                    continue;
+                };
+                let before = self.ground_before(place).chunks(every);
                 let before = before.map(|part| part.iter().sum::<f64>() / part.len() as f64);
-                before.chain(ground.iter().copied()).collect::<Vec<f64>>()
-            });
-            let unit = steps.unit("ground");
-            self.shaking = ground.and_then(|ground| Shaking::of(&ground, unit, dt));
+                let ground: Vec<f64> = before.chain(ground.iter().copied()).collect();
+                let found = Shaking::of(&ground, steps.unit(&column), dt);
+                self.shaking.extend(found.map(|found| (column, found)));
+            }
             let of = |dof: &u32| Some((*dof, envelope(steps.get(&format!("x{dof}"))?, dt)?));
             self.spectra = spectra.iter().filter_map(of).collect();
         }

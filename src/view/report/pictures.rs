@@ -30,7 +30,8 @@ pub fn hero_svg(run: &RunView) -> String {
         "Force over command"
     };
     let unit_of = |kind: &str| axis.map_or("1", |_| rows.unit(&column(kind)));
-    let shaking = if rows.unit("ground") == "m" {
+    let ground = rows.grounds.first().map_or("ground", String::as_str);
+    let shaking = if rows.unit(ground) == "m" {
         "displ."
     } else {
         "accel."
@@ -38,8 +39,8 @@ pub fn hero_svg(run: &RunView) -> String {
     let ground = one_line(
         "Ground motion",
         shaking,
-        rows.unit("ground"),
-        rows.history("ground"),
+        rows.unit(ground),
+        rows.history(ground),
         3,
     );
     let (title, unit, of) = match top {

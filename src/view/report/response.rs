@@ -103,7 +103,14 @@ pub(super) fn history<'a>(
         .into_iter()
         .filter_map(|(name, column)| Some((name, rows.history(&column)?)));
     let label = format!("{title} over test time");
-    let chart = Chart::history(title, up).labelled(label).marks(trips(run));
+    let scale = run
+        .test
+        .file
+        .time
+        .as_ref()
+        .map_or(1.0, |time| time.scale.0.value());
+    let chart = Chart::history(title, up).labelled(label).slower(scale);
+    let chart = chart.marks(trips(run));
     found.fold(chart, |chart, (name, of)| {
         chart.with(name, of.time, of.values, Look::Line)
     })
@@ -130,7 +137,8 @@ fn of_dofs(
 
 /// The reference of displacements, velocities and accelerations, to be added to a title. Empty where the ground rests.
 fn measured_against(rows: &Digest) -> &'static str {
-    let shakes = rows.marks("ground").peak.is_some_and(|p| p.value != 0.0);
+    let moves = |name: &String| rows.marks(name).peak.is_some_and(|p| p.value != 0.0);
+    let shakes = rows.grounds.iter().any(moves);
     match rows.unit("ground") {
         // Coordinates are absolute where the base is displaced.
         "m" => ", absolute",

@@ -124,7 +124,10 @@ pub(super) fn second(
     let tick_names: Vec<String> = std::iter::once("time".to_owned())
         .chain(tick_names)
         .collect();
-    let step_names = spectra.iter().map(disp).chain(["ground".to_owned()]);
+    let step_names = spectra
+        .iter()
+        .map(disp)
+        .chain(digest.grounds.iter().cloned());
     let step_names: Vec<String> = step_names.collect();
     let mut names: Vec<String> = ["state", "step", COMMITS].map(str::to_owned).into();
     names.extend(measured.iter().map(|one| status_of(one.axis.specimen)));

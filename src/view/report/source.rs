@@ -11,8 +11,8 @@ pub struct Earlier {
     pub folders: String,
     /// The last step in that folder.
     pub step: u64,
-    /// Motion of the ground at the steps from 0 to that one, as in the column `ground`; empty where it is not known.
-    pub ground: Vec<f64>,
+    /// Motion of the ground at the steps from 0 to that one, for each of its columns; empty where it is not known.
+    pub grounds: Vec<Vec<f64>>,
 }
 
 /// Recorded rows that can be read from the first to the last, more than once.

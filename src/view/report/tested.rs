@@ -5,9 +5,10 @@ use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
 use super::text::{exact, number, plural, shortened};
 use crate::TestFile;
 use gusset_actuator::specimen::SpecimenLaw;
-use gusset_config::{ClockChoice, GroundTable, LambdaValue, SpecimenTable, StructureTable, word};
+use gusset_config::{ClockChoice, LambdaValue, SpecimenTable, StructureTable, word};
 use gusset_motion::{Processing, Signal};
 use gusset_numerics::model::{ShearBuildingSpec, StructureSpec};
+use gusset_quantity::catalog::column::GROUND;
 use gusset_record::summary::ClockKind;
 use gusset_record::{Event, EventLine};
 
@@ -39,9 +40,22 @@ pub(super) fn storeys(test: &TestFile) -> Vec<Combination> {
     let excitation = &test.excitation;
     // Coordinates are absolute where the base is displaced.
     let is_absolute = excitation.base_displacement.is_some();
-    let is_shaken = excitation.ground_acceleration.is_some();
     let is_loaded = !excitation.nodal_force.is_empty() || excitation.nodal_table.is_some();
-    let ground = |factor: f64| is_shaken.then(|| ("ground".to_owned(), factor));
+    let grounds = &excitation.ground_acceleration;
+    let tracks = grounds.tracks();
+    // The motion of the ground at floors, each with a factor; several components have influence vectors.
+    let ground = |factors: &[(usize, f64)]| -> Vec<(String, f64)> {
+        let terms = tracks.iter().map(|track| {
+            let component = grounds.all().get(track.components[0]);
+            let influence = component.and_then(|one| one.influence.as_ref());
+            let influence = influence.filter(|_| grounds.all().len() > 1);
+            let share =
+                |floor: usize| influence.map_or(1.0, |iota| *iota.get(floor - 1).unwrap_or(&0.0));
+            let sum = factors.iter().map(|(floor, factor)| factor * share(*floor));
+            (GROUND.of_component(&track.suffix), sum.sum::<f64>())
+        });
+        terms.filter(|(_, factor)| *factor != 0.0).collect()
+    };
     let acceleration = |storey: usize| (format!("a{storey}"), 1.0);
     let mut all = Vec::new();
     for storey in 1..=masses.len() {
@@ -60,7 +74,7 @@ pub(super) fn storeys(test: &TestFile) -> Vec<Combination> {
         if masses.len() > MOST_DOFS {
             continue;
         }
-        let floor = std::iter::once(acceleration(storey)).chain(ground(1.0));
+        let floor = std::iter::once(acceleration(storey)).chain(ground(&[(storey, 1.0)]));
         all.push(made(
             Storey::Floor,
             "absolute acceleration of floor",
@@ -69,9 +83,11 @@ pub(super) fn storeys(test: &TestFile) -> Vec<Combination> {
         ));
         if !is_loaded {
             let above = masses.iter().zip(1..).skip(storey - 1);
-            let floors = above.map(|(mass, floor)| (format!("a{floor}"), -mass));
-            let mass: f64 = masses[storey - 1..].iter().sum();
-            let terms = floors.chain(ground(-mass)).collect();
+            let above: Vec<(usize, f64)> = above.map(|(mass, floor)| (floor, -mass)).collect();
+            let floors = above
+                .iter()
+                .map(|(floor, mass)| (format!("a{floor}"), *mass));
+            let terms = floors.chain(ground(&above)).collect();
             all.push(made(Storey::Shear, "shear of storey", "N", terms));
         }
     }
@@ -214,19 +230,21 @@ fn structure_words(table: &StructureTable) -> Option<String> {
 
 fn excitation(test: &TestFile) -> Option<String> {
     let table = &test.excitation;
-    let ground = |kind, ground: &Option<GroundTable>| {
-        let ground = ground.iter();
-        let told = ground.map(|ground| signal(&ground.signal, &ground.processing));
-        (kind, told.collect::<Vec<_>>())
-    };
+    let base = table.base_displacement.iter();
+    let base = base.map(|base| signal(&base.signal, &base.processing));
+    let grounds = table.ground_acceleration.all().iter();
+    let grounds = grounds.map(|ground| signal(&ground.signal, &ground.processing));
     let forces = table.nodal_force.iter();
     let forces = forces.map(|force| signal(&force.signal, &force.processing));
     let moves = table.prescribed_displacement.iter();
     let moves = moves.map(|path| signal(&path.signal, &path.processing));
+    let supports = table.support_motion.iter();
+    let supports = supports.map(|moved| signal(&moved.signal, &moved.processing));
     let files = table.nodal_table.iter();
     let kinds = [
-        ground("base displacement", &table.base_displacement),
-        ground("ground acceleration", &table.ground_acceleration),
+        ("base displacement", base.collect::<Vec<_>>()),
+        ("ground acceleration", grounds.collect()),
+        ("support motion", supports.collect()),
         ("nodal force", forces.collect()),
         (
             "nodal table",

@@ -93,6 +93,7 @@ impl MaterialSpec {
     pub fn stresses(&self, strains: &[f64]) -> Result<Vec<f64>, OutOfDomain> {
         let fibre = Fibre {
             y: 0.0,
+            z: 0.0,
             area: 1.0,
             material: 0,
         };

@@ -1,4 +1,4 @@
-//! Fibres of plane members: stresses of uniaxial materials, added up over cross-sections.
+//! Fibres of members: stresses of uniaxial materials, added up over cross-sections.
 //!
 //! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, whose
 //! law computes it at once. Sums are in a fixed order, so that the bits are equal with all [`Lanes`]. Laws follow the straight
@@ -11,6 +11,7 @@ mod power;
 mod spec;
 mod steel;
 
+use super::symmetric::{Sym, mirror};
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel, Portable};
 use concrete::{Concrete01, Concrete02};
@@ -29,32 +30,46 @@ type Rows<const N: usize> = [[f64; 8]; N];
 /// Fibre of a cross-section.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fibre {
-    /// Distance from the axis of the member, in m.
+    /// Distances from the axis of the member along the local axes y and z, in m. z is 0 in a plane.
     pub y: f64,
+    pub z: f64,
     /// In m².
     pub area: f64,
     /// Place of its material in the list.
     pub material: usize,
 }
 
-/// Stress resultants of a section and their derivatives.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct SectionResponse {
-    /// Axial force Σ σ A and moment −Σ σ A y.
-    pub force: [f64; 2],
-    /// Σ E A, −Σ E A y and Σ E A y².
-    pub stiffness: [f64; 3],
+/// Stress resultants of a section and their derivatives: two in a plane, three in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SectionResponse<const S: usize> {
+    /// Axial force Σ σ A, and moments −Σ σ A y about z and Σ σ A z about y.
+    pub force: [f64; S],
+    /// Σ E A l lᵀ with l = (1, −y, z).
+    pub stiffness: Sym<S>,
 }
 
-impl SectionResponse {
+/// Sums of a section: forces, and the upper half of its stiffness.
+type Sums<I, const S: usize> = ([Eight<I>; S], [[Eight<I>; S]; S]);
+
+impl<const S: usize> Default for SectionResponse<S> {
+    fn default() -> Self {
+        Self {
+            force: [0.0; S],
+            stiffness: [[0.0; S]; S],
+        }
+    }
+}
+
+impl<const S: usize> SectionResponse<S> {
     /// Adds the lanes in their order.
     #[inline(always)]
-    fn of<I: Isa>(sums: [Eight<I>; 5]) -> Self {
-        let [n, m, a, b, c] = sums;
+    fn of<I: Isa>((force, stiffness): Sums<I, S>) -> Self {
         let sum = |lanes: [f64; 8]| lanes.into_iter().fold(0.0, |sum, lane| sum + lane);
+        let mut whole = stiffness.map(|row| row.map(|lanes| sum(lanes.array())));
+        mirror(&mut whole);
         Self {
-            force: [sum(n.array()), -sum(m.array())],
-            stiffness: [sum(a.array()), -sum(b.array()), sum(c.array())],
+            force: force.map(|lanes| sum(lanes.array())),
+            stiffness: whole,
         }
     }
 }
@@ -62,37 +77,52 @@ impl SectionResponse {
 /// Eight fibres of one material. Lanes without a fibre repeat the last one without area.
 #[derive(Debug, Clone, Copy)]
 struct Block {
-    y: [f64; 8],
+    /// −y and z.
+    levers: [[f64; 8]; 2],
     area: [f64; 8],
     material: Material,
 }
 
 impl Block {
     fn new(fibres: &[Fibre], material: Material) -> Self {
-        let (mut y, mut area) = ([0.0; 8], [0.0; 8]);
-        for (k, y) in y.iter_mut().enumerate() {
-            *y = fibres.get(k).or(fibres.last()).map_or(0.0, |fibre| fibre.y);
+        let (mut levers, mut area) = ([[0.0; 8]; 2], [0.0; 8]);
+        let [of_y, of_z] = &mut levers;
+        for (k, (y, z)) in of_y.iter_mut().zip(of_z).enumerate() {
+            if let Some(fibre) = fibres.get(k).or(fibres.last()) {
+                (*y, *z) = (-fibre.y, fibre.z);
+            }
         }
         for (area, fibre) in area.iter_mut().zip(fibres) {
             *area = fibre.area;
         }
-        Self { y, area, material }
+        Self {
+            levers,
+            area,
+            material,
+        }
     }
 
     /// Adds stresses and tangents of this block to the sums of a section.
     #[inline(always)]
-    fn add<I: Isa>(&self, [stress, tangent]: [Eight<I>; 2], sums: &mut [Eight<I>; 5]) {
-        let (y, area) = (
-            Eight::load(stress.0, &self.y),
-            Eight::load(stress.0, &self.area),
-        );
+    fn add<I: Isa, const S: usize>(
+        &self,
+        [stress, tangent]: [Eight<I>; 2],
+        (forces, stiffness): &mut Sums<I, S>,
+    ) {
+        let isa = stress.0;
+        let area = Eight::load(isa, &self.area);
         let (force, rigidity) = (stress * area, tangent * area);
-        let [n, m, a, b, c] = sums;
-        *n = *n + force;
-        *m = *m + force * y;
-        *a = *a + rigidity;
-        *b = *b + rigidity * y;
-        *c = *c + rigidity * y * y;
+        forces[0] = forces[0] + force;
+        stiffness[0][0] = stiffness[0][0] + rigidity;
+        for i in 1..S {
+            let lever = Eight::load(isa, &self.levers[i - 1]);
+            forces[i] = forces[i] + force * lever;
+            let moment = rigidity * lever;
+            stiffness[0][i] = stiffness[0][i] + moment;
+            for (sum, other) in stiffness[i][i..].iter_mut().zip(&self.levers[i - 1..]) {
+                *sum = *sum + moment * Eight::load(isa, other);
+            }
+        }
     }
 }
 
@@ -138,12 +168,12 @@ impl Fibres {
     }
 
     /// Responses of all sections to their axial strains and curvatures, from the committed state: the strain of a fibre is
-    /// ε = ε₀ − y κ. Both lists are as long as there are sections. Real-time: yes.
-    pub(super) fn trial(
+    /// ε = ε₀ − y κ_z + z κ_y. Both lists are as long as there are sections. Real-time: yes.
+    pub(super) fn trial<const S: usize>(
         &mut self,
         lanes: Lanes,
-        strains: &[[f64; 2]],
-        out: &mut [SectionResponse],
+        strains: &[[f64; S]],
+        out: &mut [SectionResponse<S>],
     ) {
         lanes.run(Pass {
             blocks: &self.blocks,
@@ -183,8 +213,9 @@ impl Fibres {
     }
 
     /// Stiffness of a section before the first motion, as [`SectionResponse::stiffness`].
-    pub(super) fn initial_stiffness(&self) -> [f64; 3] {
-        let mut sums = [Eight::all(Portable, 0.0); 5];
+    pub(super) fn initial_stiffness<const S: usize>(&self) -> Sym<S> {
+        let zero = Eight::all(Portable, 0.0);
+        let mut sums = ([zero; S], [[zero; S]; S]);
         for block in &self.blocks {
             let young = Eight::all(Portable, block.material.initial_stiffness());
             block.add([young; 2], &mut sums);
@@ -198,26 +229,28 @@ impl Fibres {
     }
 }
 
-struct Pass<'a> {
+struct Pass<'a, const S: usize> {
     blocks: &'a [Block],
     old: &'a [[f64; 8]],
     new: &'a mut [[f64; 8]],
-    strains: &'a [[f64; 2]],
-    out: &'a mut [SectionResponse],
+    strains: &'a [[f64; S]],
+    out: &'a mut [SectionResponse<S>],
 }
 
-impl Kernel for Pass<'_> {
+impl<const S: usize> Kernel for Pass<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         let (mut old, mut new) = (self.old, self.new);
         let zero = Eight::all(isa, 0.0);
-        for ([axial, curvature], out) in self.strains.iter().zip(self.out) {
-            let mut sums = [zero; 5];
+        for (strains, out) in self.strains.iter().zip(self.out) {
+            let mut sums = ([zero; S], [[zero; S]; S]);
             for block in self.blocks {
-                let y = Eight::load(isa, &block.y);
-                let strain = Eight::all(isa, *axial) - y * Eight::all(isa, *curvature);
+                let mut strain = Eight::all(isa, strains[0]);
+                for (curvature, lever) in strains[1..].iter().zip(&block.levers) {
+                    strain = strain + Eight::load(isa, lever) * Eight::all(isa, *curvature);
+                }
                 let response = match &block.material {
                     Material::Elastic(young) => {
                         let young = Eight::all(isa, *young);

@@ -50,7 +50,7 @@ impl Single {
     fn trial(&mut self, strain: f64) -> [f64; 2] {
         let mut out = [SectionResponse::default()];
         self.fibres.trial(Lanes::best(), &[[strain, 0.0]], &mut out);
-        [out[0].force[0], out[0].stiffness[0]]
+        [out[0].force[0], out[0].stiffness[0][0]]
     }
 
     fn step(&mut self, strain: f64) -> [f64; 2] {
@@ -65,7 +65,12 @@ impl Single {
 }
 
 fn fibre(y: f64, area: f64, material: usize) -> Fibre {
-    Fibre { y, area, material }
+    Fibre {
+        y,
+        z: -0.3 * y,
+        area,
+        material,
+    }
 }
 
 /// Strains that wander over all branches, ±2 %.
@@ -232,9 +237,9 @@ fn section_sums_its_fibres() {
         assert!((out.force[0] - axial * strain).abs() < 1e-9 * axial * 1e-3);
         assert!((out.force[1] - bending * curvature).abs() < 1e-9 * bending * 1e-3);
         assert_eq!(out.stiffness, fibres.initial_stiffness());
-        assert_near(out.stiffness[0], axial);
-        assert!(out.stiffness[1].abs() < 1e-12 * axial);
-        assert_near(out.stiffness[2], bending);
+        assert_near(out.stiffness[0][0], axial);
+        assert!(out.stiffness[0][1].abs() < 1e-12 * axial);
+        assert_near(out.stiffness[1][1], bending);
     }
     // An eccentric bar of another material: the sign of the coupling, and its yielding.
     let layout = [
@@ -244,7 +249,7 @@ fn section_sums_its_fibres() {
     ];
     let mut fibres = Fibres::new(2, &layout, &[elastic, steel]);
     let young = [2.1e11, 2e11];
-    let [ea, eay, eayy] = fibres.initial_stiffness();
+    let [[ea, eay], [_, eayy]] = fibres.initial_stiffness();
     assert_near(ea, young[0] * 0.03 + young[1] * 0.01);
     assert_near(eay, -(young[0] * 0.03 * 0.1 - young[1] * 0.01 * 0.2));
     assert_near(eayy, young[0] * 0.03 * 0.01 + young[1] * 0.01 * 0.04);
@@ -253,6 +258,18 @@ fn section_sums_its_fibres() {
     assert_eq!(out[0].force, [0.0; 2]);
     assert_near(out[1].force[0], eay * 1e-4);
     assert_near(out[1].force[1], eayy * 1e-4);
+    // In space z = −0.3 y: both bendings act as one.
+    let mut out = [SectionResponse::default()];
+    fibres.trial(Lanes::best(), &[[0.0, 1e-4, 0.0]], &mut out);
+    assert_near(out[0].force[0], eay * 1e-4);
+    assert_near(out[0].force[1], eayy * 1e-4);
+    assert_near(out[0].force[2], 0.3 * eayy * 1e-4);
+    let turned = out[0];
+    fibres.trial(Lanes::best(), &[[0.0, 0.0, 1e-4]], &mut out);
+    assert_near(out[0].force[0], 0.3 * eay * 1e-4);
+    assert_near(out[0].force[2], 0.09 * eayy * 1e-4);
+    assert_near(turned.stiffness[1][2], 0.3 * eayy);
+    assert_eq!(turned.stiffness[2][1], turned.stiffness[1][2]);
 }
 
 #[test]
@@ -300,7 +317,7 @@ fn all_lanes_give_equal_bits() {
     let mut found: Vec<Vec<u64>> = Vec::new();
     for lanes in Lanes::available() {
         let mut fibres = Fibres::new(2, &layout, &all);
-        let mut bits = Vec::with_capacity(4000);
+        let mut bits = Vec::with_capacity(12_000);
         let strains: Vec<f64> = path().collect();
         let used = allocation_counter::measure(|| {
             for strain in strains {
@@ -316,9 +333,20 @@ fn all_lanes_give_equal_bits() {
                     &[[strain, 0.0], [0.3 * strain, 2.0 * strain]],
                     &mut out,
                 );
+                let mut in_space = [SectionResponse::default(); 2];
+                let strains = [[strain, 0.0, strain], [0.3 * strain, 2.0 * strain, -strain]];
+                fibres.trial(lanes, &strains, &mut in_space);
+                for one in in_space {
+                    bits.extend(one.force.map(f64::to_bits));
+                }
                 fibres.commit();
                 for one in out {
-                    bits.extend(one.force.iter().chain(&one.stiffness).map(|x| x.to_bits()));
+                    bits.extend(
+                        one.force
+                            .iter()
+                            .chain(one.stiffness.iter().flatten())
+                            .map(|x| x.to_bits()),
+                    );
                 }
             }
         });

@@ -1,5 +1,6 @@
 //! Members without their rigid motions: the forces q = (N, M₁, M₂) at deformations v = (elongation, rotations of both ends from
-//! the chord), with a fixed number of operations.
+//! the chord), with a fixed number of operations. In space v and q have the rotations and moments about the local axis y at both ends
+//! and the twist and torque after these.
 //!
 //! A force-based member holds its forces exactly in balance along its length and comes to compatible deformations over several
 //! evaluations: each corrects q with the flexibility of all sections, and what is left unbalanced in a section enters the next one
@@ -9,7 +10,9 @@
 
 use super::super::fibre::{Fibres, SectionResponse};
 use super::super::section::Rigidity;
-use super::symmetric::{Sym2, Sym3, inverse2, inverse3, product3};
+use super::super::symmetric::{
+    Sym, dot, inverse, inverse_of_section, product, visit_upper, widened,
+};
 use crate::law::Law;
 use crate::linalg::Lanes;
 use gusset_quantity::state;
@@ -25,35 +28,67 @@ const BALANCED: f64 = 1e-10;
 /// A member of one kind.
 #[derive(Debug)]
 pub(in crate::frame) enum Basic {
-    Force(Box<ForceBased>),
-    Displacement(Box<DisplacementBased>),
+    Force(Box<ForceBased<2, 3>>),
+    Displacement(Box<DisplacementBased<2>>),
     Hinged(Box<Hinged>),
     Link(Box<dyn Law>),
+    ForceInSpace(Box<ForceBased<3, 5>>),
+    DisplacementInSpace(Box<DisplacementBased<3>>),
 }
 
 /// Forces and tangent of a member at its last evaluation.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Answer {
-    pub(super) force: [f64; 3],
-    pub(super) stiffness: Sym3,
+    pub(super) force: [f64; 6],
+    pub(super) stiffness: Sym<6>,
     /// ∂q₀/∂v̇₀.
     pub(super) damping: f64,
 }
 
+impl Answer {
+    /// With zeros for the last deformations.
+    fn of<const D: usize>(force: &[f64; D], stiffness: &Sym<D>) -> Self {
+        let mut all = [0.0; 6];
+        for (to, from) in all.iter_mut().zip(force) {
+            *to = *from;
+        }
+        Self {
+            force: all,
+            stiffness: widened(stiffness),
+            damping: 0.0,
+        }
+    }
+}
+
+/// The first deformations.
+fn first<const D: usize>(of: &[f64; 6]) -> [f64; D] {
+    let mut out = [0.0; D];
+    for (to, from) in out.iter_mut().zip(of) {
+        *to = *from;
+    }
+    out
+}
+
+/// The place of a deformation among the forces of a section: axial, about z, about z, about y, about y.
+const fn of_section(deformation: usize) -> usize {
+    deformation.div_ceil(2)
+}
+
 impl Basic {
     /// From the committed state of laws and fibres to `disp`. Real-time: yes.
-    pub(super) fn trial(&mut self, disp: [f64; 3], rate: f64, dt: f64, lanes: Lanes) -> Answer {
+    pub(super) fn trial(&mut self, disp: &[f64; 6], rate: f64, dt: f64, lanes: Lanes) -> Answer {
         match self {
-            Self::Force(member) => member.trial(disp, lanes),
+            Self::Force(member) => member.trial(first(disp), lanes),
             Self::Displacement(member) => member.trial(disp, lanes),
-            Self::Hinged(member) => member.trial(disp),
+            Self::ForceInSpace(member) => member.trial(first(disp), lanes),
+            Self::DisplacementInSpace(member) => member.trial(disp, lanes),
+            Self::Hinged(member) => member.trial(first(disp)),
             Self::Link(law) => {
                 let force = law.trial(disp[0], rate, dt);
                 let tangent = law.tangent();
                 Answer {
-                    force: [force, 0.0, 0.0],
-                    stiffness: [tangent.stiffness, 0.0, 0.0, 0.0, 0.0, 0.0],
                     damping: tangent.damping,
+                    ..Answer::of(&[force], &[[tangent.stiffness]])
                 }
             }
         }
@@ -63,14 +98,17 @@ impl Basic {
     pub(super) fn unbalance(&self) -> f64 {
         match self {
             Self::Force(member) => member.unbalance(),
+            Self::ForceInSpace(member) => member.unbalance(),
             _ => 0.0,
         }
     }
 
     /// From now on it makes all of its passes, or no more than it needs.
     pub(super) fn exhaust(&mut self, yes: bool) {
-        if let Self::Force(member) = self {
-            member.exhausts = yes;
+        match self {
+            Self::Force(member) => member.exhausts = yes,
+            Self::ForceInSpace(member) => member.exhausts = yes,
+            _ => {}
         }
     }
 
@@ -79,18 +117,24 @@ impl Basic {
         match self {
             Self::Force(member) => member.fibres.commit(),
             Self::Displacement(member) => member.fibres.commit(),
+            Self::ForceInSpace(member) => member.fibres.commit(),
+            Self::DisplacementInSpace(member) => member.fibres.commit(),
             Self::Hinged(member) => member.commit(),
             Self::Link(law) => law.commit(),
         }
     }
 
     /// Stiffness of the virgin member.
-    pub(in crate::frame) fn initial(&self) -> Sym3 {
+    pub(in crate::frame) fn initial(&self) -> Sym<6> {
         match self {
-            Self::Force(member) => member.initial,
+            Self::Force(member) => widened(&member.initial),
             Self::Displacement(member) => member.stiffness(|_| member.fibres.initial_stiffness()),
-            Self::Hinged(member) => member.initial,
-            Self::Link(law) => [law.reference().stiffness, 0.0, 0.0, 0.0, 0.0, 0.0],
+            Self::ForceInSpace(member) => widened(&member.initial),
+            Self::DisplacementInSpace(member) => {
+                member.stiffness(|_| member.fibres.initial_stiffness())
+            }
+            Self::Hinged(member) => widened(&member.initial),
+            Self::Link(law) => widened(&[[law.reference().stiffness]]),
         }
     }
 
@@ -99,6 +143,8 @@ impl Basic {
         match self {
             Self::Force(member) => at_ends(&member.fibres, &member.points),
             Self::Displacement(member) => at_ends(&member.fibres, &member.points),
+            Self::ForceInSpace(member) => at_ends(&member.fibres, &member.points),
+            Self::DisplacementInSpace(member) => at_ends(&member.fibres, &member.points),
             Self::Hinged(member) => member.demand,
             Self::Link(_) => [0.0; 2],
         }
@@ -114,6 +160,8 @@ impl Stateful for Basic {
         match self {
             Self::Force(member) => member.visit_state(visit),
             Self::Displacement(member) => member.visit_state(visit),
+            Self::ForceInSpace(member) => member.visit_state(visit),
+            Self::DisplacementInSpace(member) => member.visit_state(visit),
             Self::Hinged(member) => member.visit_state(visit),
             Self::Link(law) => law.visit_state(visit),
         }
@@ -127,56 +175,58 @@ pub(super) struct Point {
     pub(super) weight: f64,
 }
 
-/// Sections at points along a member, with forces that vary linearly between its ends.
+/// Sections at points along a member, with forces that vary linearly between its ends: S forces of a section, D deformations.
 #[derive(Debug)]
-pub(in crate::frame) struct ForceBased {
+pub(in crate::frame) struct ForceBased<const S: usize, const D: usize> {
     points: Vec<Point>,
     fibres: Fibres,
-    initial: Sym3,
-    /// Stiffness of a virgin section.
-    virgin: Sym2,
-    force: [f64; 3],
-    disp: [f64; 3],
-    tangent: Sym3,
-    strains: Vec<[f64; 2]>,
-    sections: Vec<SectionResponse>,
+    initial: Sym<D>,
+    /// Stiffness of a virgin section, and its inverse.
+    virgin: Sym<S>,
+    soft: Sym<S>,
+    force: [f64; D],
+    disp: [f64; D],
+    tangent: Sym<D>,
+    strains: Vec<[f64; S]>,
+    sections: Vec<SectionResponse<S>>,
     /// Work of the section forces on a virgin section, ∫ sᵀ f₀ s dx: the largest so far, and that of the present unbalance.
     largest: f64,
     left_over: f64,
     /// Strains, and their change by the next correction; forces and unbalance before it.
-    before: Vec<[[f64; 2]; 2]>,
-    force_before: [f64; 3],
+    before: Vec<[[f64; S]; 2]>,
+    force_before: [f64; D],
     left_before: f64,
     passes: u32,
     /// All passes are made.
     exhausts: bool,
 }
 
-impl Stateful for ForceBased {
+impl<const S: usize, const D: usize> Stateful for ForceBased<S, D> {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.fibres.visit_state(visit);
         let own = self.force.iter_mut().chain(&mut self.disp);
-        let own = own.chain(&mut self.tangent);
-        let own = own.chain([&mut self.largest, &mut self.left_over]);
         own.for_each(|x| visit.number(x));
+        visit_upper(&mut self.tangent, D, visit);
+        let own = [&mut self.largest, &mut self.left_over];
+        own.into_iter().for_each(|x| visit.number(x));
         self.strains
             .iter_mut()
             .flatten()
             .for_each(|x| visit.number(x));
         for section in &mut self.sections {
-            let both = section.force.iter_mut().chain(&mut section.stiffness);
-            both.for_each(|x| visit.number(x));
+            section.force.iter_mut().for_each(|x| visit.number(x));
+            visit_upper(&mut section.stiffness, S, visit);
         }
     }
 }
 
-impl ForceBased {
+impl<const S: usize, const D: usize> ForceBased<S, D> {
     /// `None` if its sections have no stiffness.
     pub(super) fn new(points: Vec<Point>, fibres: Fibres) -> Option<Self> {
         let virgin = fibres.initial_stiffness();
         let count = points.len();
         let section = SectionResponse {
-            force: [0.0; 2],
+            force: [0.0; S],
             stiffness: virgin,
         };
         let mut new = Self {
@@ -185,67 +235,85 @@ impl ForceBased {
             exhausts: false,
             largest: 0.0,
             left_over: 0.0,
-            before: vec![[[0.0; 2]; 2]; count],
-            force_before: [0.0; 3],
+            before: vec![[[0.0; S]; 2]; count],
+            force_before: [0.0; D],
             left_before: 0.0,
             fibres,
-            initial: [0.0; 6],
+            initial: [[0.0; D]; D],
             virgin,
-            force: [0.0; 3],
-            disp: [0.0; 3],
-            tangent: [0.0; 6],
-            strains: vec![[0.0; 2]; count],
+            soft: inverse_of_section(&virgin, &virgin),
+            force: [0.0; D],
+            disp: [0.0; D],
+            tangent: [[0.0; D]; D],
+            strains: vec![[0.0; S]; count],
             sections: vec![section; count],
         };
-        new.initial = inverse3(new.flexibility().0)?;
+        new.initial = inverse(&new.flexibility().0)?;
         new.tangent = new.initial;
         Some(new)
     }
 
+    /// Force of a section that each force of the member makes: the axial one all along, moments linearly. Real-time: yes.
+    fn shares(point: &Point) -> [f64; D] {
+        let mut shares = [1.0; D];
+        for (k, share) in shares.iter_mut().enumerate().skip(1) {
+            *share = if k % 2 == 1 { point.xi - 1.0 } else { point.xi };
+        }
+        shares
+    }
+
     /// Flexibility, and the deformations that the sections would have without their unbalanced forces. Real-time: yes.
-    fn flexibility(&self) -> (Sym3, [f64; 3]) {
-        let (mut flexibility, mut disp) = ([0.0; 6], [0.0; 3]);
+    fn flexibility(&self) -> (Sym<D>, [f64; D]) {
+        let (mut flexibility, mut disp) = ([[0.0; D]; D], [0.0; D]);
         let sections = self.strains.iter().zip(&self.sections);
         for (point, (strain, section)) in self.points.iter().zip(sections) {
-            let f = inverse2(section.stiffness, self.virgin);
-            let (start, end) = (point.xi - 1.0, point.xi);
+            let f = inverse_of_section(&section.stiffness, &self.virgin);
+            let shares = Self::shares(point);
             let left = self.left(point, section);
-            let stretch = strain[0] + f[0] * left[0] + f[1] * left[1];
-            let curve = strain[1] + f[1] * left[0] + f[2] * left[1];
-            let w = point.weight;
-            let terms = [
-                f[0],
-                f[1] * start,
-                f[1] * end,
-                f[2] * start * start,
-                f[2] * start * end,
-                f[2] * end * end,
-            ];
-            for (sum, term) in flexibility.iter_mut().zip(terms) {
-                *sum += w * term;
+            let mut whole = *strain;
+            for (whole, row) in whole.iter_mut().zip(&f) {
+                *whole = row
+                    .iter()
+                    .zip(&left)
+                    .fold(*whole, |sum, (f, x)| sum + f * x);
             }
-            for (sum, term) in disp.iter_mut().zip([stretch, curve * start, curve * end]) {
-                *sum += w * term;
+            let w = point.weight;
+            for (r, (row, share)) in flexibility.iter_mut().zip(&shares).enumerate() {
+                let own = f.get(of_section(r));
+                for (c, (sum, other)) in row.iter_mut().zip(&shares).enumerate() {
+                    let f = own.and_then(|own| own.get(of_section(c)));
+                    *sum += w * (f.copied().unwrap_or(0.0) * share * other);
+                }
+                if let (Some(sum), Some(whole)) = (disp.get_mut(r), whole.get(of_section(r))) {
+                    *sum += w * (whole * share);
+                }
             }
         }
         (flexibility, disp)
     }
 
     /// Forces of the member at a point beyond those of its section. Real-time: yes.
-    fn left(&self, point: &Point, section: &SectionResponse) -> [f64; 2] {
-        let [axial, start, end] = self.force;
-        let moment = (point.xi - 1.0) * start + point.xi * end;
-        [axial - section.force[0], moment - section.force[1]]
+    fn left(&self, point: &Point, section: &SectionResponse<S>) -> [f64; S] {
+        let mut of = [-0.0; S];
+        for (k, (force, share)) in self.force.iter().zip(Self::shares(point)).enumerate() {
+            if let Some(sum) = of.get_mut(of_section(k)) {
+                *sum += share * force;
+            }
+        }
+        for (of, force) in of.iter_mut().zip(&section.force) {
+            *of -= force;
+        }
+        of
     }
 
-    fn trial(&mut self, disp: [f64; 3], lanes: Lanes) -> Answer {
-        self.correct([0, 1, 2].map(|k| disp[k] - self.disp[k]));
+    fn trial(&mut self, disp: [f64; D], lanes: Lanes) -> Answer {
+        self.correct(&difference(&disp, &self.disp));
         self.disp = disp;
         let mut left = self.passes;
         let mut share = 1.0;
         self.note();
         while left > 0 {
-            self.pass(disp, share, lanes);
+            self.pass(&disp, share, lanes);
             left -= 1;
             if self.passes > 1
                 && share > LEAST_SHARE
@@ -263,11 +331,7 @@ impl ForceBased {
             share = 1.0;
             self.note();
         }
-        Answer {
-            force: self.force,
-            stiffness: self.tangent,
-            damping: 0.0,
-        }
+        Answer::of(&self.force, &self.tangent)
     }
 
     /// Unbalanced forces of the sections over their largest forces so far, at the last evaluation. Real-time: yes.
@@ -282,83 +346,86 @@ impl ForceBased {
     /// Notes from where the next correction goes, and which way. Real-time: yes.
     fn note(&mut self) {
         self.force_before = self.force;
-        let soft = inverse2(self.virgin, self.virgin);
         self.left_before = 0.0;
         for k in 0..self.points.len() {
             let (Some(point), Some(section)) = (self.points.get(k), self.sections.get(k)) else {
                 continue;
             };
             let left = self.left(point, section);
-            self.left_before += point.weight * work(soft, left);
-            let f = inverse2(section.stiffness, self.virgin);
+            self.left_before += point.weight * work(&self.soft, &left);
+            let f = inverse_of_section(&section.stiffness, &self.virgin);
             let (Some(strain), Some(before)) = (self.strains.get(k), self.before.get_mut(k)) else {
                 continue;
             };
-            *before = [
-                *strain,
-                [
-                    f[0] * left[0] + f[1] * left[1],
-                    f[1] * left[0] + f[2] * left[1],
-                ],
-            ];
+            *before = [*strain, product(&f, &left)];
         }
     }
 
     /// A share of the correction that was noted. Real-time: yes.
-    fn pass(&mut self, disp: [f64; 3], share: f64, lanes: Lanes) {
+    fn pass(&mut self, disp: &[f64; D], share: f64, lanes: Lanes) {
         for (strain, [from, by]) in self.strains.iter_mut().zip(&self.before) {
-            *strain = [from[0] + share * by[0], from[1] + share * by[1]];
+            for (strain, (from, by)) in strain.iter_mut().zip(from.iter().zip(by)) {
+                *strain = from + share * by;
+            }
         }
         self.fibres.trial(lanes, &self.strains, &mut self.sections);
         let (flexibility, compatible) = self.flexibility();
-        self.tangent = inverse3(flexibility).unwrap_or(self.initial);
-        self.correct([0, 1, 2].map(|k| disp[k] - compatible[k]));
-        let soft = inverse2(self.virgin, self.virgin);
+        self.tangent = inverse(&flexibility).unwrap_or(self.initial);
+        self.correct(&difference(disp, &compatible));
         let (mut all, mut left_over) = (0.0, 0.0);
         for (point, section) in self.points.iter().zip(&self.sections) {
-            all += point.weight * work(soft, section.force);
-            left_over += point.weight * work(soft, self.left(point, section));
+            all += point.weight * work(&self.soft, &section.force);
+            left_over += point.weight * work(&self.soft, &self.left(point, section));
         }
         self.largest = self.largest.max(all);
         self.left_over = left_over;
     }
 
     /// Forces for a change of the deformations. Real-time: yes.
-    fn correct(&mut self, change: [f64; 3]) {
-        let by = product3(&self.tangent, change);
+    fn correct(&mut self, change: &[f64; D]) {
+        let by = product(&self.tangent, change);
         for (force, by) in self.force.iter_mut().zip(by) {
             *force += by;
         }
     }
 }
 
-/// sᵀ f s of forces of a section. Real-time: yes.
-fn work(f: Sym2, [n, m]: [f64; 2]) -> f64 {
-    n * (f[0] * n + f[1] * m) + m * (f[1] * n + f[2] * m)
+/// a − b. Real-time: yes.
+fn difference<const D: usize>(a: &[f64; D], b: &[f64; D]) -> [f64; D] {
+    let mut out = *a;
+    for (out, b) in out.iter_mut().zip(b) {
+        *out -= b;
+    }
+    out
 }
 
-/// Sections at points along a member, with an axial strain that is constant and a curvature that varies linearly.
+/// sᵀ f s of forces of a section. Real-time: yes.
+fn work<const S: usize>(f: &Sym<S>, forces: &[f64; S]) -> f64 {
+    dot(forces, &product(f, forces))
+}
+
+/// Sections at points along a member, with an axial strain that is constant and curvatures that vary linearly: S strains of a section.
 #[derive(Debug)]
-pub(in crate::frame) struct DisplacementBased {
+pub(in crate::frame) struct DisplacementBased<const S: usize> {
     pub(super) points: Vec<Point>,
     pub(super) fibres: Fibres,
     pub(super) length: f64,
     /// A truss member bends nowhere.
     pub(super) bends: bool,
-    pub(super) strains: Vec<[f64; 2]>,
-    pub(super) sections: Vec<SectionResponse>,
+    pub(super) strains: Vec<[f64; S]>,
+    pub(super) sections: Vec<SectionResponse<S>>,
 }
 
-impl Stateful for DisplacementBased {
+impl<const S: usize> Stateful for DisplacementBased<S> {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.fibres.visit_state(visit);
     }
 }
 
-impl DisplacementBased {
+impl<const S: usize> DisplacementBased<S> {
     pub(super) fn new(points: Vec<Point>, fibres: Fibres, length: f64, bends: bool) -> Self {
         let section = SectionResponse {
-            force: [0.0; 2],
+            force: [0.0; S],
             stiffness: fibres.initial_stiffness(),
         };
         let count = points.len();
@@ -367,10 +434,13 @@ impl DisplacementBased {
             fibres,
             length,
             bends,
-            strains: vec![[0.0; 2]; count],
+            strains: vec![[0.0; S]; count],
             sections: vec![section; count],
         }
     }
+
+    /// Deformations of a member with sections of S strains.
+    const D: usize = 2 * S - 1;
 
     /// Curvature at a point for unit rotations. Real-time: yes.
     fn curves(&self, point: &Point) -> [f64; 2] {
@@ -381,49 +451,57 @@ impl DisplacementBased {
         }
     }
 
-    fn stiffness(&self, of: impl Fn(usize) -> Sym2) -> Sym3 {
-        let mut sum = [0.0; 6];
+    fn stiffness(&self, of: impl Fn(usize) -> Sym<S>) -> Sym<6> {
+        let mut sum = [[0.0; 6]; 6];
+        let along = 1.0 / self.length;
         for (k, point) in self.points.iter().enumerate() {
             let ([start, end], s) = (self.curves(point), of(k));
-            let along = 1.0 / self.length;
-            let terms = [
-                s[0] * along * along,
-                s[1] * along * start,
-                s[1] * along * end,
-                s[2] * start * start,
-                s[2] * start * end,
-                s[2] * end * end,
-            ];
-            for (sum, term) in sum.iter_mut().zip(terms) {
-                *sum += point.weight * term;
+            let shares = [along, start, end, start, end];
+            for (r, (row, share)) in sum.iter_mut().zip(shares).enumerate().take(Self::D) {
+                let own = s.get(of_section(r));
+                for (c, (sum, other)) in row.iter_mut().zip(shares).enumerate().take(Self::D) {
+                    // The upper half decides the bits of both.
+                    let [share, other] = if r <= c {
+                        [share, other]
+                    } else {
+                        [other, share]
+                    };
+                    let s = own.and_then(|own| own.get(of_section(c)));
+                    *sum += point.weight * (s.copied().unwrap_or(0.0) * share * other);
+                }
             }
         }
         sum
     }
 
-    fn trial(&mut self, disp: [f64; 3], lanes: Lanes) -> Answer {
+    fn trial(&mut self, disp: &[f64; 6], lanes: Lanes) -> Answer {
         for k in 0..self.points.len() {
             let Some([start, end]) = self.points.get(k).map(|point| self.curves(point)) else {
                 continue;
             };
             if let Some(strain) = self.strains.get_mut(k) {
-                *strain = [disp[0] / self.length, start * disp[1] + end * disp[2]];
+                let [stretch, turns @ ..] = disp;
+                let (pairs, _) = turns.as_chunks::<2>();
+                let curves = pairs.iter().map(|[a, b]| start * a + end * b);
+                let all = std::iter::once(stretch / self.length).chain(curves);
+                strain.iter_mut().zip(all).for_each(|(to, from)| *to = from);
             }
         }
         self.fibres.trial(lanes, &self.strains, &mut self.sections);
-        let mut force = [0.0; 3];
+        let mut force = [0.0; 6];
         for (point, section) in self.points.iter().zip(&self.sections) {
             let [start, end] = self.curves(point);
-            let terms = [
-                section.force[0] / self.length,
-                section.force[1] * start,
-                section.force[1] * end,
-            ];
-            for (sum, term) in force.iter_mut().zip(terms) {
-                *sum += point.weight * term;
+            let [axial, moments @ ..] = &mut force;
+            if let Some(own) = section.force.first() {
+                *axial += point.weight * (own / self.length);
+            }
+            let (pairs, _) = moments.as_chunks_mut::<2>();
+            for ([first, second], own) in pairs.iter_mut().zip(section.force.iter().skip(1)) {
+                *first += point.weight * (own * start);
+                *second += point.weight * (own * end);
             }
         }
-        let of = |k: usize| self.sections.get(k).map_or([0.0; 3], |s| s.stiffness);
+        let of = |k: usize| self.sections.get(k).map_or([[0.0; S]; S], |s| s.stiffness);
         Answer {
             force,
             stiffness: self.stiffness(of),
@@ -439,10 +517,10 @@ pub(in crate::frame) struct Hinged {
     axial: f64,
     bending: f64,
     hinges: [Option<Hinge>; 2],
-    initial: Sym3,
+    initial: Sym<3>,
     force: [f64; 3],
     disp: [f64; 3],
-    tangent: Sym3,
+    tangent: Sym<3>,
     /// Largest rotation in parts of that at yield.
     demand: [f64; 2],
 }
@@ -467,8 +545,9 @@ impl Stateful for Hinged {
             hinge.visit_state(visit);
         }
         let own = self.force.iter_mut().chain(&mut self.disp);
-        let own = own.chain(&mut self.tangent).chain(&mut self.demand);
         own.for_each(|x| visit.number(x));
+        visit_upper(&mut self.tangent, 3, visit);
+        self.demand.iter_mut().for_each(|x| visit.number(x));
     }
 }
 
@@ -504,13 +583,13 @@ impl Hinged {
             axial: length / of.axial,
             bending: length / (3.0 * of.bending),
             hinges,
-            initial: [0.0; 6],
+            initial: [[0.0; 3]; 3],
             force: [0.0; 3],
             disp: [0.0; 3],
-            tangent: [0.0; 6],
+            tangent: [[0.0; 3]; 3],
             demand: [0.0; 2],
         };
-        new.initial = inverse3(new.flexibility().0)?;
+        new.initial = inverse(&new.flexibility().0)?;
         new.tangent = new.initial;
         Some(new)
     }
@@ -526,29 +605,32 @@ impl Hinged {
     }
 
     /// As [`ForceBased::flexibility`]. Real-time: yes.
-    fn flexibility(&self) -> (Sym3, [f64; 3]) {
+    fn flexibility(&self) -> (Sym<3>, [f64; 3]) {
         let [axial, start, end] = self.force;
         let (own, other) = (self.bending, -0.5 * self.bending);
-        let mut flexibility = [self.axial, 0.0, 0.0, own, other, own];
+        let mut flexibility = [[self.axial, 0.0, 0.0], [0.0, own, other], [0.0, other, own]];
         let mut disp = [
             self.axial * axial,
             own * start + other * end,
             other * start + own * end,
         ];
-        let ends = [(3, 1, start), (5, 2, end)];
-        for (hinge, (entry, row, moment)) in self.hinges.iter().zip(ends) {
+        let [_, of_start, of_end] = &mut flexibility;
+        let [_, turn, other_turn] = &mut disp;
+        let ends = [
+            (&mut of_start[1], turn, start),
+            (&mut of_end[2], other_turn, end),
+        ];
+        for (hinge, (entry, disp, moment)) in self.hinges.iter().zip(ends) {
             let Some(hinge) = hinge else { continue };
             let f = hinge.flexibility();
-            if let (Some(entry), Some(disp)) = (flexibility.get_mut(entry), disp.get_mut(row)) {
-                *entry += f;
-                *disp += hinge.rotation + f * (moment - hinge.moment);
-            }
+            *entry += f;
+            *disp += hinge.rotation + f * (moment - hinge.moment);
         }
         (flexibility, disp)
     }
 
     fn trial(&mut self, disp: [f64; 3]) -> Answer {
-        self.correct([0, 1, 2].map(|k| disp[k] - self.disp[k]));
+        self.correct(&difference(&disp, &self.disp));
         self.disp = disp;
         let [_, start, end] = self.force;
         for (hinge, moment) in self.hinges.iter_mut().zip([start, end]) {
@@ -558,18 +640,14 @@ impl Hinged {
             hinge.stiffness = hinge.law.tangent().stiffness;
         }
         let (flexibility, compatible) = self.flexibility();
-        self.tangent = inverse3(flexibility).unwrap_or(self.initial);
-        self.correct([0, 1, 2].map(|k| disp[k] - compatible[k]));
-        Answer {
-            force: self.force,
-            stiffness: self.tangent,
-            damping: 0.0,
-        }
+        self.tangent = inverse(&flexibility).unwrap_or(self.initial);
+        self.correct(&difference(&disp, &compatible));
+        Answer::of(&self.force, &self.tangent)
     }
 
     /// Forces for a change of the deformations. Real-time: yes.
-    fn correct(&mut self, change: [f64; 3]) {
-        let by = product3(&self.tangent, change);
+    fn correct(&mut self, change: &[f64; 3]) {
+        let by = product(&self.tangent, change);
         for (force, by) in self.force.iter_mut().zip(by) {
             *force += by;
         }

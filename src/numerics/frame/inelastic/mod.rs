@@ -5,7 +5,6 @@
 
 mod basic;
 mod quadrature;
-mod symmetric;
 #[cfg(test)]
 mod tests;
 
@@ -13,11 +12,12 @@ pub(super) use basic::{Basic, HingeLaw};
 use std::ops::Range;
 
 use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
-pub(crate) use symmetric::Sym3;
-use symmetric::product3;
 
+use super::corotation::Corotation;
 use super::fibre::Fibres;
+use super::member::Beside;
 use super::section::Rigidity;
+use super::symmetric::{Sym, dot, product, visit_upper, widened};
 use crate::law::{Law, Reach};
 use crate::linalg::Lanes;
 use gusset_quantity::state::{Stateful, Visit};
@@ -59,56 +59,215 @@ pub struct Member {
     turns: bool,
     place: Place,
     basic: Basic,
+    /// Deformations in space that stay linear.
+    beside: Option<Beside>,
+    /// Its place where it moves far.
+    moving: Option<Box<Moving>>,
     reach: Reach,
     /// v, and what the last trial gave.
-    disp: [f64; 3],
+    disp: [f64; 6],
     answer: Answer,
 }
 
 impl Stateful for Member {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.basic.visit_state(visit);
-        let own = self.disp.iter_mut().chain(&mut self.answer.force);
-        let own = own.chain(&mut self.answer.stiffness);
+        let count = self.count();
+        let own = self.disp.iter_mut().take(count);
+        let own = own.chain(self.answer.force.iter_mut().take(count));
         own.for_each(|x| visit.number(x));
+        visit_upper(&mut self.answer.stiffness, count, visit);
         visit.number(&mut self.answer.damping);
+        if let Some(moving) = &mut self.moving {
+            moving.moved.iter_mut().for_each(|x| visit.number(x));
+            visit.number(&mut moving.largest);
+            moving.turn();
+            moving.note(&self.answer.force);
+        }
     }
+}
+
+/// A member with corotational geometry: its place now.
+#[derive(Debug)]
+pub(super) struct Moving {
+    of: Corotation,
+    /// Displacements and rotations of both nodes for each of its degrees of freedom, and for its base.
+    columns: Vec<[f64; 12]>,
+    base: [f64; 12],
+    /// Those of the last trial.
+    moved: [f64; 12],
+    disp: [f64; 6],
+    place: Place,
+    /// Of its degrees of freedom: how much less than its ends the chord turns.
+    turns: Vec<[f64; 2]>,
+    /// N l, and the shear forces of both bendings.
+    forces: [f64; 3],
+    /// The declared tension and the largest one so far, N; and the stiffness that the declared one adds.
+    tension: Option<f64>,
+    largest: f64,
+    stiffening: Vec<(usize, usize, f64)>,
+}
+
+impl Moving {
+    /// From the motions of both nodes: terms of each of their displacements and rotations.
+    pub(super) fn new(
+        of: Corotation,
+        motions: &[&[(usize, f64)]],
+        (tension, stiffening): (Option<f64>, Vec<(usize, usize, f64)>),
+        place: &Place,
+        influence: &[f64],
+    ) -> Self {
+        let mut columns = vec![[0.0; 12]; place.dofs.len()];
+        let mut base = [0.0; 12];
+        for (k, motion) in motions.iter().enumerate() {
+            for (dof, share) in *motion {
+                if let Some(at) = place.dofs.iter().position(|known| known == dof) {
+                    columns[at][k] += share;
+                }
+                base[k] -= share * influence[*dof];
+            }
+        }
+        let mut new = Self {
+            of,
+            turns: vec![[0.0; 2]; columns.len()],
+            columns,
+            base,
+            moved: [0.0; 12],
+            disp: [0.0; 6],
+            place: place.clone(),
+            forces: [0.0; 3],
+            tension,
+            largest: 0.0,
+            stiffening,
+        };
+        new.turn();
+        new
+    }
+
+    /// The deformations at this place. Real-time: yes.
+    fn go(&mut self, disp: &[f64], base: f64) -> [f64; 6] {
+        self.moved = self.base.map(|share| share * base);
+        for (column, &dof) in self.columns.iter().zip(&self.place.dofs) {
+            let by = disp.get(dof).copied().unwrap_or(f64::NAN);
+            for (moved, share) in self.moved.iter_mut().zip(column) {
+                *moved += share * by;
+            }
+        }
+        self.turn();
+        self.disp
+    }
+
+    /// Rows at `moved`. Real-time: yes.
+    fn turn(&mut self) {
+        let (disp, slopes) = self.of.at(&self.moved);
+        let turns = self.of.turns(&slopes);
+        self.disp = disp;
+        let places = self.place.rows.iter_mut().zip(&mut self.turns);
+        for ((row, turn), column) in places.zip(&self.columns) {
+            *row = product_of(&slopes, column);
+            *turn = product_of(&turns, column);
+        }
+    }
+
+    /// Takes the forces there. Real-time: yes.
+    fn note(&mut self, force: &[f64; 6]) {
+        let [axial, start, end, weak_start, weak_end, _] = force;
+        let length = self.of.length(self.disp[0]);
+        self.forces = [
+            axial * length,
+            (start + end) / length,
+            (weak_start + weak_end) / length,
+        ];
+    }
+
+    /// Entries of the stiffness of its forces, each beside the diagonal once. Real-time: yes, if `to` is.
+    fn spread_forces(&self, to: &mut dyn FnMut(usize, usize, f64)) {
+        let [along, shears @ ..] = self.forces;
+        let all = self
+            .place
+            .dofs
+            .iter()
+            .zip(&self.place.rows)
+            .zip(&self.turns);
+        for (i, ((&first, row), turns)) in all.clone().enumerate() {
+            for ((&second, other), others) in all.clone().skip(i) {
+                let mut sum = 0.0;
+                for ((shear, turn), other_turn) in shears.iter().zip(turns).zip(others) {
+                    sum +=
+                        along * turn * other_turn - shear * (row[0] * other_turn + turn * other[0]);
+                }
+                to(first, second, sum);
+            }
+        }
+    }
+}
+
+/// m x. Real-time: yes.
+fn product_of<const N: usize>(m: &[[f64; 12]; N], x: &[f64; 12]) -> [f64; N] {
+    m.each_ref().map(|row| dot(row, x))
 }
 
 /// Rows of the deformations of a member: v = Σ row · x, counted from a base that moves to the right.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Place {
     dofs: Vec<usize>,
-    rows: [Vec<f64>; 3],
+    /// Coefficients of the deformations, by degree of freedom.
+    rows: Vec<[f64; 6]>,
     /// Coefficients of the displacement of the base.
-    base: [f64; 3],
+    base: [f64; 6],
+    /// Deformations in a plane.
+    is_plane: bool,
 }
 
 impl Place {
-    /// From terms (degree of freedom, coefficient) of each deformation, and the influence vector of the ground.
-    pub(super) fn new(terms: [Vec<(usize, f64)>; 3], influence: &[f64]) -> Self {
+    /// From terms (degree of freedom, coefficient) of each deformation, three in a plane and six in space, and the influence vector of
+    /// the ground.
+    pub(super) fn new(
+        terms: impl IntoIterator<Item = Vec<(usize, f64)>>,
+        influence: &[f64],
+    ) -> Self {
         let mut place = Self::default();
+        let mut count = 0;
         for (k, row) in terms.into_iter().enumerate() {
+            count = k + 1;
             for (dof, coefficient) in row {
                 let at = place.dofs.iter().position(|known| *known == dof);
                 let at = at.unwrap_or_else(|| {
                     place.dofs.push(dof);
-                    place.rows.iter_mut().for_each(|row| row.push(0.0));
+                    place.rows.push([0.0; 6]);
                     place.dofs.len() - 1
                 });
-                place.rows[k][at] += coefficient;
+                place.rows[at][k] += coefficient;
                 place.base[k] -= coefficient * influence[dof];
             }
         }
+        place.is_plane = count <= 3;
         place
     }
 
+    /// Rows that a base does not move.
+    pub(super) fn of(terms: impl IntoIterator<Item = Vec<(usize, f64)>>) -> Self {
+        let terms: Vec<_> = terms.into_iter().collect();
+        let dofs = terms.iter().flatten().map(|(dof, _)| dof + 1).max();
+        Self::new(terms, &vec![0.0; dofs.unwrap_or(0)])
+    }
+
+    /// The elongation alone.
+    pub(super) fn stretched(mut self) -> Self {
+        for row in self.rows.iter_mut().chain([&mut self.base]) {
+            row.iter_mut().skip(1).for_each(|entry| *entry = 0.0);
+        }
+        self.is_plane = true;
+        self
+    }
+
     /// Real-time: yes.
-    fn deformation(&self, of_dofs: &[f64], of_base: f64) -> [f64; 3] {
+    fn deformation(&self, of_dofs: &[f64], of_base: f64) -> [f64; 6] {
         let mut out = self.base.map(|coefficient| coefficient * of_base);
-        for (row, out) in self.rows.iter().zip(&mut out) {
-            for (coefficient, &dof) in row.iter().zip(&self.dofs) {
-                *out += coefficient * of_dofs.get(dof).copied().unwrap_or(f64::NAN);
+        for (row, &dof) in self.rows.iter().zip(&self.dofs) {
+            let moved = of_dofs.get(dof).copied().unwrap_or(f64::NAN);
+            for (out, coefficient) in out.iter_mut().zip(row) {
+                *out += coefficient * moved;
             }
         }
         out
@@ -116,60 +275,78 @@ impl Place {
 
     /// Adds how large the forces are at each degree of freedom. The larger end moment counts at both ends: the free end of a cantilever
     /// has none. Real-time: yes.
-    fn sizes(&self, [axial, start, end]: [f64; 3], gross: &mut [f64]) {
+    fn sizes(
+        &self,
+        [axial, start, end, weak_start, weak_end, torque]: [f64; 6],
+        gross: &mut [f64],
+    ) {
         let moment = start.abs().max(end.abs());
-        let [a, b, c] = &self.rows;
-        for (((&dof, a), b), c) in self.dofs.iter().zip(a).zip(b).zip(c) {
+        let weak = weak_start.abs().max(weak_end.abs());
+        for (&dof, [a, b, c, d, e, t]) in self.dofs.iter().zip(&self.rows) {
             if let Some(gross) = gross.get_mut(dof) {
                 *gross += (a * axial).abs() + (b.abs() + c.abs()) * moment;
+                if !self.is_plane {
+                    *gross += (t * torque).abs() + (d.abs() + e.abs()) * weak;
+                }
             }
         }
     }
 
     /// [`Place::spread_matrix`] as a list of (i ≤ j, value).
-    pub(super) fn matrix(&self, m: &Sym3) -> Vec<(usize, usize, f64)> {
+    pub(super) fn matrix(&self, m: &Sym<6>) -> Vec<(usize, usize, f64)> {
         let mut entries = Vec::new();
         self.spread_matrix(m, |i, j, value| entries.push((i.min(j), i.max(j), value)));
         entries
     }
 
     /// Forces at each degree of freedom. Real-time: yes, if `to` is.
-    fn spread(&self, force: [f64; 3], mut to: impl FnMut(usize, f64)) {
-        let [a, b, c] = &self.rows;
-        for (((&dof, a), b), c) in self.dofs.iter().zip(a).zip(b).zip(c) {
-            to(dof, a * force[0] + b * force[1] + c * force[2]);
+    fn spread(&self, force: &[f64; 6], mut to: impl FnMut(usize, f64)) {
+        for (&dof, row) in self.dofs.iter().zip(&self.rows) {
+            to(dof, dot(row, force));
         }
     }
 
     /// Entries of rowᵀ m row, each beside the diagonal once. Real-time: yes, if `to` is.
-    fn spread_matrix(&self, m: &Sym3, mut to: impl FnMut(usize, usize, f64)) {
-        let row = |k: usize| {
-            let of = |row: &Vec<f64>| row.get(k).copied().unwrap_or(0.0);
-            let [a, b, c] = &self.rows;
-            [of(a), of(b), of(c)]
-        };
-        for (i, &first) in self.dofs.iter().enumerate() {
-            let [a, b, c] = product3(m, row(i));
-            for (j, &second) in self.dofs.iter().enumerate().skip(i) {
-                let [p, q, r] = row(j);
-                to(first, second, a * p + b * q + c * r);
+    fn spread_matrix(&self, m: &Sym<6>, mut to: impl FnMut(usize, usize, f64)) {
+        for (i, (&first, row)) in self.dofs.iter().zip(&self.rows).enumerate() {
+            let of = product(m, row);
+            for (&second, row) in self.dofs.iter().zip(&self.rows).skip(i) {
+                to(first, second, dot(&of, row));
             }
         }
     }
 }
 
 /// A force-based member; `None` if its sections have no stiffness.
-pub(super) fn force_based(length: f64, points: usize, fibres: Fibres) -> Option<Basic> {
+pub(super) fn force_based(
+    length: f64,
+    points: usize,
+    fibres: Fibres,
+    in_space: bool,
+) -> Option<Basic> {
     let points = along(length, quadrature::gauss_lobatto(points));
-    Some(Basic::Force(Box::new(ForceBased::new(points, fibres)?)))
+    Some(if in_space {
+        Basic::ForceInSpace(Box::new(ForceBased::new(points, fibres)?))
+    } else {
+        Basic::Force(Box::new(ForceBased::new(points, fibres)?))
+    })
 }
 
 /// A displacement-based member.
-pub(super) fn displacement_based(length: f64, points: usize, fibres: Fibres) -> Basic {
+pub(super) fn displacement_based(
+    length: f64,
+    points: usize,
+    fibres: Fibres,
+    in_space: bool,
+) -> Basic {
     let points = along(length, quadrature::gauss_legendre(points));
-    Basic::Displacement(Box::new(DisplacementBased::new(
-        points, fibres, length, true,
-    )))
+    if in_space {
+        let new = DisplacementBased::new(points, fibres, length, true);
+        Basic::DisplacementInSpace(Box::new(new))
+    } else {
+        let new = DisplacementBased::new(points, fibres, length, true);
+        Basic::Displacement(Box::new(new))
+    }
 }
 
 /// A member with an axial force alone.
@@ -222,7 +399,27 @@ pub(crate) enum Which {
     Rest,
 }
 
+/// A stiffness with what stays linear beside it.
+pub(super) fn with(mut stiffness: Sym<6>, beside: Option<&Beside>) -> Sym<6> {
+    if let Some(beside) = beside {
+        beside.stiffen(&mut stiffness);
+    }
+    stiffness
+}
+
 impl Member {
+    /// Its rows at the last trial. Real-time: yes.
+    fn now(&self) -> &Place {
+        self.moving
+            .as_ref()
+            .map_or(&self.place, |moving| &moving.place)
+    }
+
+    /// K of the virgin member.
+    fn initial(&self) -> Sym<6> {
+        with(self.basic.initial(), self.beside.as_ref())
+    }
+
     /// Its name in messages.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -244,19 +441,29 @@ impl Member {
         }
     }
 
-    /// Deformations and forces at the last evaluation: v in m and rad, then q in N and N m, three each; of a link one each. Real-time:
-    /// yes.
+    /// Deformations of a member: three in a plane, six in space.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        if self.place.is_plane { 3 } else { 6 }
+    }
+
+    /// Deformations and forces at the last evaluation: v in m and rad, then q in N and N m, [`Member::count`] each; of a link one each.
+    /// Real-time: yes.
     pub fn values(&self) -> impl Iterator<Item = f64> {
-        let count = if self.link_turns().is_some() { 1 } else { 3 };
+        let count = if self.link_turns().is_some() {
+            1
+        } else {
+            self.count()
+        };
         let (disp, force) = (self.disp.into_iter(), self.answer.force.into_iter());
         disp.take(count).chain(force.take(count))
     }
 }
 
-impl Basic {
-    /// q of the virgin member at displacements of the frame.
-    pub(super) fn first_force(&self, place: &Place, disp: &[f64]) -> [f64; 3] {
-        product3(&self.initial(), place.deformation(disp, 0.0))
+impl Place {
+    /// q of a member of this stiffness at displacements of the frame.
+    pub(super) fn first_force(&self, stiffness: &Sym<6>, disp: &[f64]) -> [f64; 6] {
+        product(stiffness, &self.deformation(disp, 0.0))
     }
 }
 
@@ -265,14 +472,15 @@ impl Members {
         &mut self,
         (number, name, is_recorded): (usize, String, bool),
         place: Place,
-        basic: Basic,
+        (basic, beside): (Basic, Option<Beside>),
+        moving: Option<Box<Moving>>,
         (reach, turns): (Reach, bool),
     ) {
         let answer = Answer {
-            stiffness: basic.initial(),
+            stiffness: with(basic.initial(), beside.as_ref()),
             ..Answer::default()
         };
-        let disp = [0.0; 3];
+        let disp = [0.0; 6];
         self.each.push(Member {
             number,
             name,
@@ -280,6 +488,8 @@ impl Members {
             turns,
             place,
             basic,
+            beside,
+            moving,
             reach,
             disp,
             answer,
@@ -290,7 +500,7 @@ impl Members {
     #[must_use]
     pub fn has_fibres(&self) -> bool {
         let mut each = self.each.iter();
-        each.any(|member| matches!(member.basic, Basic::Force(_) | Basic::Displacement(_)))
+        each.any(|member| !matches!(member.basic, Basic::Hinged(_) | Basic::Link(_)))
     }
 
     /// Evaluates members twice in a step from now on: no degree of freedom without mass repeats it.
@@ -318,19 +528,30 @@ impl Members {
         gross: &mut [f64],
     ) {
         for member in self.each.get_mut(part).unwrap_or_default() {
-            member.disp = member.place.deformation(at.disp, at.base[0]);
+            member.disp = match &mut member.moving {
+                Some(moving) => moving.go(at.disp, at.base[0]),
+                None => member.place.deformation(at.disp, at.base[0]),
+            };
             let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
             if self.is_single {
-                member.basic.trial(member.disp, rate, at.dt, lanes);
+                member.basic.trial(&member.disp, rate, at.dt, lanes);
             }
-            member.answer = member.basic.trial(member.disp, rate, at.dt, lanes);
-            member.place.spread(member.answer.force, |dof, force| {
+            member.answer = member.basic.trial(&member.disp, rate, at.dt, lanes);
+            if let Some(beside) = &member.beside {
+                beside.add(&member.disp, &mut member.answer.force);
+                beside.stiffen(&mut member.answer.stiffness);
+            }
+            if let Some(moving) = &mut member.moving {
+                moving.note(&member.answer.force);
+            }
+            let place = member.now();
+            place.spread(&member.answer.force, |dof, force| {
                 if let Some(r) = residual.get_mut(dof) {
                     *r -= force;
                 }
             });
             if !gross.is_empty() {
-                member.place.sizes(member.answer.force, gross);
+                place.sizes(member.answer.force, gross);
             }
         }
     }
@@ -339,9 +560,12 @@ impl Members {
     pub(crate) fn commit(&mut self) {
         self.unbalances.rotate_right(1);
         self.unbalances[0] = self.unbalance();
-        self.each
-            .iter_mut()
-            .for_each(|member| member.basic.commit());
+        for member in &mut self.each {
+            member.basic.commit();
+            if let Some(moving) = &mut member.moving {
+                moving.largest = moving.largest.max(member.answer.force[0]);
+            }
+        }
     }
 
     /// Largest unbalance along a member at its last evaluation. Real-time: yes.
@@ -387,7 +611,7 @@ impl Members {
     #[must_use]
     pub fn can_lack_balance(&self) -> bool {
         let mut each = self.each.iter();
-        each.any(|member| matches!(member.basic, Basic::Force(_)))
+        each.any(|member| matches!(member.basic, Basic::Force(_) | Basic::ForceInSpace(_)))
     }
 
     /// From now on every evaluation makes all of its passes, or no more than it needs.
@@ -400,17 +624,33 @@ impl Members {
     /// out ← out − K_t d − C_t v with the tangents of the last trial, for changes d and v. Real-time: yes.
     pub(crate) fn subtract_tangent(&self, change: At<'_>, out: &mut [f64]) {
         for member in &self.each {
-            let disp = member.place.deformation(change.disp, change.base[0]);
-            let mut force = product3(&member.answer.stiffness, disp);
+            let place = member.now();
+            let disp = place.deformation(change.disp, change.base[0]);
+            let mut force = product(&member.answer.stiffness, &disp);
             if member.answer.damping != 0.0 {
                 let [rate, ..] = member.place.deformation(change.vel, change.base[1]);
                 force[0] += member.answer.damping * rate;
             }
-            member.place.spread(force, |dof, force| {
+            place.spread(&force, |dof, force| {
                 if let Some(out) = out.get_mut(dof) {
                     *out -= force;
                 }
             });
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut |i, j, value| {
+                    let of = |dof: usize| change.disp.get(dof).copied().unwrap_or(f64::NAN);
+                    let pairs = if i == j {
+                        &[(i, j)][..]
+                    } else {
+                        &[(i, j), (j, i)]
+                    };
+                    for (row, column) in pairs {
+                        if let Some(out) = out.get_mut(*row) {
+                            *out -= value * of(*column);
+                        }
+                    }
+                });
+            }
         }
     }
 
@@ -418,8 +658,11 @@ impl Members {
     pub(crate) fn for_each_tangent(&self, dt: f64, to: &mut dyn FnMut(usize, usize, f64)) {
         for member in &self.each {
             let mut tangent = member.answer.stiffness;
-            tangent[0] += member.answer.damping / dt;
-            member.place.spread_matrix(&tangent, &mut *to);
+            tangent[0][0] += member.answer.damping / dt;
+            member.now().spread_matrix(&tangent, &mut *to);
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut *to);
+            }
         }
     }
 
@@ -434,14 +677,30 @@ impl Members {
             let Basic::Link(law) = &member.basic else {
                 return None;
             };
-            let row = member.place.dofs.iter().zip(&member.place.rows[0]);
+            let row = member.place.dofs.iter().zip(&member.place.rows);
             Some(Link {
                 name: &member.name,
                 law: law.as_ref(),
                 reach: member.reach,
-                row: row.map(|(dof, coefficient)| (*dof, *coefficient)).collect(),
+                row: row.map(|(dof, row)| (*dof, row[0])).collect(),
             })
         })
+    }
+
+    /// Name of each member whose tension exceeded the declared one, with both in N.
+    pub fn over_tension(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+        self.each.iter().filter_map(|member| {
+            let moving = member.moving.as_ref()?;
+            let declared = moving.tension?;
+            (moving.largest > declared)
+                .then_some((member.name.as_str(), [moving.largest, declared]))
+        })
+    }
+
+    /// True if a member moves far.
+    #[must_use]
+    pub fn are_moving(&self) -> bool {
+        self.each.iter().any(|member| member.moving.is_some())
     }
 
     /// Name of each member with its largest use so far at its start and its end, in parts of what makes it yield.
@@ -453,12 +712,22 @@ impl Members {
 
     /// Entries of K_t of the last trial, (i ≤ j, value).
     pub(crate) fn tangent_stiffness(&self) -> Vec<(usize, usize, f64)> {
-        self.collect(|member| member.answer.stiffness)
+        let mut entries = Vec::new();
+        let mut push = |i: usize, j: usize, value| entries.push((i.min(j), i.max(j), value));
+        for member in &self.each {
+            member
+                .now()
+                .spread_matrix(&member.answer.stiffness, &mut push);
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut push);
+            }
+        }
+        entries
     }
 
     /// Entries of C_t of the last trial.
     pub(crate) fn tangent_damping(&self) -> Vec<(usize, usize, f64)> {
-        self.collect(|member| [member.answer.damping, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self.collect(|member| widened(&[[member.answer.damping]]))
     }
 
     /// Entries of K of the virgin members and of the references or bounds of links.
@@ -466,7 +735,8 @@ impl Members {
     /// # Errors
     /// Name of a link whose bound needs a reach.
     pub(crate) fn stiffness(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
-        self.of_laws(Basic::initial, |law, reach| match which {
+        let tension = (which != Which::Rest, which == Which::Bound);
+        self.of_laws(tension, Member::initial, |law, reach| match which {
             Which::Bound => law.bound(reach).0,
             Which::Reference | Which::Rest => Some(law.reference().stiffness),
         })
@@ -478,7 +748,8 @@ impl Members {
     /// Name of a link whose bound needs a reach.
     pub(crate) fn damping(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
         self.of_laws(
-            |_| [0.0; 6],
+            (false, false),
+            |_| [[0.0; 6]; 6],
             |law, reach| match which {
                 Which::Bound => law.bound(reach).1,
                 Which::Reference => Some(law.reference().damping),
@@ -489,7 +760,8 @@ impl Members {
 
     fn of_laws(
         &self,
-        of_member: impl Fn(&Basic) -> Sym3,
+        (counts_tension, is_bound): (bool, bool),
+        of_member: impl Fn(&Member) -> Sym<6>,
         of_link: impl Fn(&dyn Law, Reach) -> Option<f64>,
     ) -> Result<Vec<(usize, usize, f64)>, String> {
         let mut entries = Vec::new();
@@ -498,16 +770,22 @@ impl Members {
                 Basic::Link(law) => {
                     let value = of_link(law.as_ref(), member.reach);
                     let value = value.ok_or_else(|| member.name.clone())?;
-                    [value, 0.0, 0.0, 0.0, 0.0, 0.0]
+                    widened(&[[value]])
                 }
-                basic => of_member(basic),
+                _ => of_member(member),
             };
             entries.extend(member.place.matrix(&matrix));
+            if let Some(moving) = member.moving.as_ref().filter(|_| counts_tension) {
+                if moving.tension.is_none() && is_bound {
+                    return Err(member.name.clone());
+                }
+                entries.extend_from_slice(&moving.stiffening);
+            }
         }
         Ok(entries)
     }
 
-    fn collect(&self, of: impl Fn(&Member) -> Sym3) -> Vec<(usize, usize, f64)> {
+    fn collect(&self, of: impl Fn(&Member) -> Sym<6>) -> Vec<(usize, usize, f64)> {
         let each = self.each.iter();
         each.flat_map(|member| member.place.matrix(&of(member)))
             .collect()

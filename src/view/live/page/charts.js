@@ -38,7 +38,8 @@ function buildCharts(subject, store) {
   const ground = channels.filter((channel) => channel.kind === "ground");
   $("ground-chart").hidden = ground.length === 0;
   if (ground.length > 0) {
-    strip($("ground-chart"), [{ ...ground[0], colour: "--c7" }], ["ground", ground[0].unit], "ground over time");
+    const drawn = ground.map((channel, at) => ({ ...channel, colour: `--c${(7 + at) % 8}` }));
+    strip($("ground-chart"), drawn, ["ground", ground[0].unit], `${drawn.map((line) => line.label).join(", ")} over time`);
   }
   buildAxes(subject, channels);
 }

@@ -98,7 +98,7 @@ fn powers_left_out_change_no_bit() {
             let strain = 4e-4 * libm::sin(0.05 * f64::from(k));
             steel.trial(Lanes::best(), &[[strain, 1.0]], &mut out);
             steel.commit();
-            bits.push((out[0].force[0].to_bits(), out[0].stiffness[0].to_bits()));
+            bits.push((out[0].force[0].to_bits(), out[0].stiffness[0][0].to_bits()));
         }
         bits
     };
