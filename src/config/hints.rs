@@ -17,7 +17,7 @@ const MOST_HOPS: usize = 16;
 const OWN_MEANING: [&str; 1] = ["similitude"];
 /// Keys of one table of which a file usually has one.
 const EXCLUSIVE: [&[&str]; 3] = [
-    &["law", "laws", "coupled", "link"],
+    &["law", "laws", "coupled", "bearing", "link"],
     &["transfer", "link"],
     &["shear_building", "matrices", "chain", "frame"],
 ];

@@ -81,7 +81,7 @@ const REMOVED: &[RemovedKey] = &[
         key: "stand_in",
         default: None,
         last: "0.2.0",
-        instead: "beside a `link`, give one `law`, `laws` or `coupled`: it is the stand-in for rehearsals",
+        instead: "beside a `link`, give one `law`, `laws`, `coupled` or `bearing`: it is the stand-in for rehearsals",
     },
     RemovedKey {
         tables: &["specimen[*]"],

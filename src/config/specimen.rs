@@ -10,7 +10,7 @@ use super::link_table::LinkSpec;
 use super::value::MatrixValue;
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
-use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
+use gusset_actuator::specimen::{BearingSpec, CoupledSpec, SpecimenLaw};
 use gusset_actuator::transfer::TransferSpec;
 use gusset_numerics::frame::Direction;
 use gusset_numerics::law::LawSpec;
@@ -31,7 +31,7 @@ pub struct DeformationTable {
     pub from: Option<String>,
 }
 
-/// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a
+/// One specimen: simulated by exactly one of `law`, `laws`, `coupled` and `bearing`, or reached by a `link`. In a
 /// test with a structure, also give exactly one of `storey`, `rows` and `deformations`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -107,6 +107,9 @@ pub struct SpecimenTable {
     /// Linear law of a simulated specimen with several coupled axes. Beside a `link`, it is the
     /// stand-in for rehearsals.
     pub coupled: Option<CoupledSpec>,
+    /// Simulated bearing in two horizontal directions that share one circle of yielding or sliding.
+    /// Beside a `link`, it is the stand-in for rehearsals.
+    pub bearing: Option<BearingSpec>,
     /// Simulated actuator and sensors of a simulated specimen. Default: none, the specimen follows
     /// its command at once. Beside a `link`, they are those of the stand-in for rehearsals. Their
     /// default is then the delay, gain and noise of `identified`.
@@ -174,9 +177,10 @@ impl SpecimenTable {
         if let Some(geometry) = &self.geometry {
             return geometry.actuators();
         }
-        let said = match (&self.link, &self.laws, &self.coupled) {
-            (None, Some(laws), _) => laws.len(),
-            (None, _, Some(coupled)) => coupled.stiffness_n_per_m.len(),
+        let said = match (&self.link, &self.laws, &self.coupled, &self.bearing) {
+            (None, Some(laws), ..) => laws.len(),
+            (None, _, Some(coupled), _) => coupled.stiffness_n_per_m.len(),
+            (None, .., Some(bearing)) => bearing.axes(),
             (Some(link), ..) => {
                 let estimate = self.stiffness_n_per_m.as_ref();
                 let named = link.axis_names.as_ref().map_or(0, Vec::len);
@@ -277,7 +281,8 @@ impl SpecimenTable {
         let law = self.law.clone().map(|law| ("law", SpecimenLaw::Law(law)));
         let laws = || Some(("laws", SpecimenLaw::Laws(self.laws.clone()?)));
         let coupled = || Some(("coupled", SpecimenLaw::Coupled(self.coupled.clone()?)));
-        law.or_else(laws).or_else(coupled)
+        let bearing = || Some(("bearing", SpecimenLaw::Bearing(self.bearing.clone()?)));
+        law.or_else(laws).or_else(coupled).or_else(bearing)
     }
 }
 

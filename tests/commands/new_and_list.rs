@@ -96,6 +96,8 @@ fn each_template_runs_unchanged() {
         "prescribed",
         "benchmark",
         "frame",
+        "tuned-mass-damper",
+        "isolated-building",
     ] {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
@@ -255,6 +257,8 @@ fn new_lists_every_template() {
         "prescribed",
         "benchmark",
         "frame",
+        "tuned-mass-damper",
+        "isolated-building",
         "remote",
         "python",
         "opensees",

@@ -77,7 +77,7 @@ fn wandering(mut seed: u64) -> Vec<f64> {
     (0..3000).map(&mut step).collect()
 }
 
-fn theirs(python: &Path, material: &str, strains: &[f64]) -> Vec<f64> {
+pub fn theirs(python: &Path, material: &str, strains: &[f64]) -> Vec<f64> {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/opensees/law.py");
     let mut child = Command::new(python)
         .args([script, material])

@@ -3,8 +3,10 @@
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod bearings;
 mod client;
 mod courses;
+mod devices;
 mod frames;
 mod gateway;
 mod hinges;

@@ -75,7 +75,7 @@ const WEN: &str = "bouc_wen = { stiffness_n_per_m = 9e6, yield_force_n = 60e3, \
                    post_yield_ratio = 0.08, beta = 0.55, gamma = 0.45, exponent = 1.6 }";
 
 /// One of every kind, and more of the kinds that have several faces. True: not linear.
-const LAWS: [(&str, bool); 23] = [
+const LAWS: [(&str, bool); 28] = [
     (
         "linear = { stiffness_n_per_m = 9e6, damping_n_s_per_m = 9e4 }",
         false,
@@ -170,6 +170,31 @@ const LAWS: [(&str, bool); 23] = [
         true,
     ),
     (
+        "hysteretic = { positive = [{ disp_m = 0.003, force_n = 30e3 }, { disp_m = 0.02, force_n = 40e3 }], pinch_x = 0.7, \
+         pinch_y = 0.3, damage_1 = 0.01, beta = 0.2 }",
+        true,
+    ),
+    (
+        "pinching4 = { positive = [{ disp_m = 0.003, force_n = 30e3 }, { disp_m = 0.01, force_n = 40e3 }, \
+         { disp_m = 0.03, force_n = 42e3 }, { disp_m = 0.08, force_n = 20e3 }], \
+         pinching = { r_disp = 0.5, r_force = 0.25, u_force = 0.05 }, g_f = [0.2, 0.1, 1, 1, 0.5] }",
+        true,
+    ),
+    (
+        "buckling_restrained = { stiffness_n_per_m = 9e6, yield_force_n = 50e3, strain_hardening = 1.3, \
+         compression_overstrength = 1.1, post_yield_ratio = 0.03, saturation_disp_m = 0.03, exponent = 0.8 }",
+        true,
+    ),
+    (
+        "self_centring = { stiffness_n_per_m = 9e6, activation_force_n = 40e3, post_activation_ratio = 0.1, beta = 0.7 }",
+        true,
+    ),
+    (
+        "pounding = { stiffness_n_per_m1_5 = 5e7, gap_m = 0.004, side = \"both\", restitution = 0.8, \
+         largest_penetration_m = 0.03, least_impact_velocity_m_per_s = 0.2 }",
+        true,
+    ),
+    (
         "maxwell = { stiffness_n_per_m = 1e7, force_at_unit_velocity_n = 4e5, exponent = 0.5 }",
         true,
     ),
@@ -189,13 +214,18 @@ fn kind(law: &LawSpec) -> usize {
         LawSpec::PowerDamper(_) => 8,
         LawSpec::Parallel(_) => 9,
         LawSpec::Imk(_) => 10,
-        LawSpec::Maxwell(_) => 11,
+        LawSpec::Hysteretic(_) => 11,
+        LawSpec::Pinching4(_) => 12,
+        LawSpec::BucklingRestrained(_) => 13,
+        LawSpec::SelfCentring(_) => 14,
+        LawSpec::Pounding(_) => 15,
+        LawSpec::Maxwell(_) => 16,
     }
 }
 
 #[test]
 fn every_law_equals_its_element() {
-    let mut kinds = [false; 12];
+    let mut kinds = [false; 17];
     for (law, nonlinear) in LAWS {
         kinds[kind(&toml::from_str(law).unwrap())] = true;
         for (storey, storeys, from) in [

@@ -28,6 +28,7 @@ macro_rules! passed_on {
     };
 }
 
+mod bearing;
 mod coupled;
 mod in_process;
 mod in_units;
@@ -40,6 +41,7 @@ mod uniaxial;
 #[cfg(test)]
 mod tests;
 
+pub use bearing::BearingSpec;
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub use in_process::status;

@@ -1,9 +1,9 @@
-//! Behaviour of a simulated specimen in the test file: `law`, `laws` or `coupled`.
+//! Behaviour of a simulated specimen in the test file: `law`, `laws`, `coupled` or `bearing`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoupledSpec, Specimen, Uniaxial};
+use super::{BearingSpec, CoupledSpec, Specimen, Uniaxial};
 use gusset_numerics::law::{LawError, LawSpec};
 
 /// Behaviour of a simulated specimen.
@@ -16,6 +16,8 @@ pub enum SpecimenLaw {
     Laws(Vec<LawSpec>),
     /// Linear law with full matrices.
     Coupled(CoupledSpec),
+    /// Bearing whose horizontal axes share one circle.
+    Bearing(BearingSpec),
 }
 
 impl SpecimenLaw {
@@ -26,6 +28,7 @@ impl SpecimenLaw {
             Self::Law(law) => law.yield_force(),
             Self::Laws(laws) => laws.get(axis)?.yield_force(),
             Self::Coupled(_) => None,
+            Self::Bearing(bearing) => (axis < 2).then(|| bearing.yield_force()),
         }
     }
 
@@ -40,6 +43,7 @@ impl SpecimenLaw {
                 let damping = coupled.damping_n_s_per_m.iter().flatten();
                 damping.flatten().any(|entry| *entry != 0.0)
             }
+            Self::Bearing(bearing) => bearing.resists_velocity(),
         }
     }
 
@@ -88,6 +92,7 @@ impl SpecimenLaw {
                 Ok(Box::new(Uniaxial::new(laws)?))
             }
             Self::Coupled(spec) => Ok(Box::new(spec.build(axes)?)),
+            Self::Bearing(spec) => Ok(Box::new(spec.build(axes)?)),
         }
     }
 }

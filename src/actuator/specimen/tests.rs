@@ -5,7 +5,7 @@ use super::*;
 use crate::geometry::{Geometry, GeometrySpec, PlanePins};
 use gusset_quantity::state::{Stateful, TestState};
 
-const SPECIMENS: [(&str, usize); 3] = [
+const SPECIMENS: [(&str, usize); 5] = [
     (
         "law = { bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, beta = 0.6, gamma = 0.4, \
          exponent = 1.5, hardening_ratio = 2.0, degradation = { strength = 0.05, stiffness = 0.02 } } }",
@@ -20,6 +20,15 @@ const SPECIMENS: [(&str, usize); 3] = [
     (
         "coupled = { stiffness_n_per_m = [[2e6, -1e5], [-1e5, 1e6]], damping_n_s_per_m = [[1e3, 0.0], [0.0, 2e3]] }",
         2,
+    ),
+    (
+        "bearing = { elastomeric = { stiffness_n_per_m = 1e6, characteristic_strength_n = 1e3, post_yield_stiffness_n_per_m = 1e5 } }",
+        2,
+    ),
+    (
+        "bearing = { friction_pendulum = { radius_m = 2, stiffness_n_per_m = 1e6, friction_slow = 0.05, friction_fast = 0.08, \
+         rate_s_per_m = 20, largest_axial_force_n = 1e5, vertical_stiffness_n_per_m = 1e7 } }",
+        3,
     ),
 ];
 

@@ -34,6 +34,10 @@ pub(in crate::cli) enum TemplateArg {
     Benchmark,
     /// A plane frame of two storeys with a brace as specimen.
     Frame,
+    /// A building with a tuned mass damper as specimen.
+    TunedMassDamper,
+    /// A building on lead-rubber bearings that yield in two directions.
+    IsolatedBuilding,
     /// A specimen behind a network, and a second file that serves one.
     Remote,
     /// A specimen with your own force law, as a program in Python.

@@ -21,7 +21,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
             let help = which.to_possible_value();
             let help = help.and_then(|value| value.get_help().map(ToString::to_string));
             let name = Template::of(*which).name;
-            answer(format_args!("{name:16}{}", help.unwrap_or_default()))?;
+            answer(format_args!("{name:19}{}", help.unwrap_or_default()))?;
         }
         return Ok(Exit::Done);
     }

@@ -90,6 +90,20 @@ const FRAME: Template = Template {
     next: RUN,
 };
 
+const TUNED_MASS_DAMPER: Template = Template {
+    name: "tuned-mass-damper",
+    pieces: &[piece!(".toml", "the test", "tuned-mass-damper.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
+const ISOLATED_BUILDING: Template = Template {
+    name: "isolated-building",
+    pieces: &[piece!(".toml", "the test", "isolated-building.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
 const REMOTE: Template = Template {
     name: "remote",
     pieces: &[
@@ -144,6 +158,8 @@ impl Template {
             TemplateArg::Prescribed => PRESCRIBED,
             TemplateArg::Benchmark => BENCHMARK,
             TemplateArg::Frame => FRAME,
+            TemplateArg::TunedMassDamper => TUNED_MASS_DAMPER,
+            TemplateArg::IsolatedBuilding => ISOLATED_BUILDING,
             TemplateArg::Remote => REMOTE,
             TemplateArg::Python => PYTHON,
             TemplateArg::Opensees => OPENSEES,

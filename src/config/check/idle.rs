@@ -212,7 +212,7 @@ pub(super) const IDLE_SPECIMEN_OF_SERVER: &[Idle<OfSpecimen>] = &[
         "a gateway forwards each command and waits for its reply",
     ),
     (
-        "law laws coupled transfer",
+        "law laws coupled bearing transfer",
         |table| table.link.is_some(),
         "a gateway has no rehearsal",
     ),

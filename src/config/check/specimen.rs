@@ -32,11 +32,11 @@ pub(super) fn check_specimen(
     check_rules(specimen, at, findings);
     check_known(at, findings);
     if specimen.link.is_none() {
-        let why = "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`";
-        findings.exactly_one(at, &["law", "laws", "coupled", "link"], why);
+        let why = "a specimen is either simulated (`law`, `laws`, `coupled`, `bearing`) or behind a `link`";
+        findings.exactly_one(at, &["law", "laws", "coupled", "bearing", "link"], why);
     } else if specimen.source().is_some() {
         let why = "beside a `link` it is the stand-in for rehearsals";
-        findings.exactly_one(at, &["law", "laws", "coupled"], why);
+        findings.exactly_one(at, &["law", "laws", "coupled", "bearing"], why);
     }
     match &specimen.link {
         Some(link) => check_link(specimen, link, at, findings),

@@ -10,15 +10,22 @@
 //! trial one, so that its result does not depend on an inner step.
 
 mod bouc_wen;
+mod buckling_restrained;
 mod contact;
 mod damper;
 mod domain;
 mod elastic;
+mod envelope;
+mod extrapolate;
+mod hysteretic;
 mod imk;
 mod maxwell;
 mod memoryless;
 mod parallel;
+mod pinching4;
 mod plastic;
+mod pounding;
+mod self_centring;
 mod spec;
 
 #[cfg(test)]
@@ -30,17 +37,23 @@ use gusset_quantity::domain::OutOfDomain;
 use gusset_quantity::state::Stateful;
 
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
+pub use buckling_restrained::{BucklingRestrained, BucklingRestrainedSpec};
 pub use contact::{Gap, GapSpec, Side};
 pub use damper::{
     Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
 };
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
+pub use envelope::EnvelopePointSpec;
+pub use hysteretic::{Hysteretic, HystereticSpec};
 pub use imk::{HingeResponse, Imk, ImkSpec, NegativeHingeSpec};
 pub use maxwell::MaxwellSpec;
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
+pub use pinching4::{DamageType, PinchSpec, Pinching4, Pinching4Spec};
 pub(crate) use plastic::SliderForm;
 pub use plastic::{Bilinear, BilinearSpec};
+pub use pounding::{Pounding, PoundingSpec};
+pub use self_centring::{SelfCentring, SelfCentringSpec};
 pub use spec::LawSpec;
 
 /// Stiffness in N/m and damping in N s/m.

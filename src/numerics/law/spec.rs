@@ -6,8 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BilinearSpec, BiviscousSpec, BoucWenSpec, CubicSpec, GapSpec, ImkSpec, Law, LawError,
-    LinearSpec, MaxwellSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
+    BilinearSpec, BiviscousSpec, BoucWenSpec, BucklingRestrainedSpec, CubicSpec, GapSpec,
+    HystereticSpec, ImkSpec, Law, LawError, LinearSpec, MaxwellSpec, Parallel, Pinching4Spec,
+    PoundingSpec, PowerDamperSpec, SelfCentringSpec, SmoothFrictionSpec, SquareRootSpec,
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
@@ -27,6 +28,17 @@ pub enum LawSpec {
     BoucWen(BoucWenSpec),
     /// Plastic hinge that softens and deteriorates, after Ibarra, Medina and Krawinkler.
     Imk(ImkSpec),
+    /// Hysteresis of straight lines with pinching and damage, as `Hysteretic` of OpenSees.
+    Hysteretic(HystereticSpec),
+    /// Pinched hysteresis of four corners with damage, as `Pinching4` of OpenSees.
+    #[serde(rename = "pinching4")]
+    Pinching4(Pinching4Spec),
+    /// Buckling-restrained brace, stronger in compression than in tension.
+    BucklingRestrained(BucklingRestrainedSpec),
+    /// Self-centring brace or connection with a flag-shaped loop.
+    SelfCentring(SelfCentringSpec),
+    /// Pounding behind a gap: contact after Hertz with restitution.
+    Pounding(PoundingSpec),
     /// Spring behind a gap, in tension, compression or both.
     Gap(GapSpec),
     /// Friction that is smoothed around zero velocity by a hyperbolic tangent.
@@ -65,6 +77,11 @@ impl LawSpec {
             Self::Bilinear(spec) => Box::new(spec.build()?),
             Self::BoucWen(spec) => Box::new(spec.build()?),
             Self::Imk(spec) => Box::new(spec.build()?),
+            Self::Hysteretic(spec) => Box::new(spec.build()?),
+            Self::Pinching4(spec) => Box::new(spec.build()?),
+            Self::BucklingRestrained(spec) => Box::new(spec.build()?),
+            Self::SelfCentring(spec) => Box::new(spec.build()?),
+            Self::Pounding(spec) => Box::new(spec.build()?),
             Self::Gap(spec) => Box::new(spec.build()?),
             Self::SmoothFriction(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
@@ -76,11 +93,15 @@ impl LawSpec {
 
     /// The force in N at which the law yields from its virgin state; none for a law that does not yield, or not at one force.
     #[must_use]
-    pub const fn yield_force(&self) -> Option<f64> {
+    pub fn yield_force(&self) -> Option<f64> {
         match self {
             Self::Bilinear(spec) => Some(spec.yield_force_n),
             Self::BoucWen(spec) => Some(spec.yield_force_n),
             Self::Imk(spec) => Some(spec.yield_force()),
+            Self::Hysteretic(spec) => spec.yield_force(),
+            Self::Pinching4(spec) => spec.yield_force(),
+            Self::BucklingRestrained(spec) => Some(spec.yield_force_n),
+            Self::SelfCentring(spec) => Some(spec.activation_force_n),
             _ => None,
         }
     }

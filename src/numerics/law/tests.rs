@@ -20,6 +20,13 @@ bouc_wen_n = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, p
 bouc_wen_worn = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, beta = 0.6, gamma = 0.4, exponent = 1.5, hardening_ratio = 2.0, degradation = { strength = 0.05, stiffness = 0.02 }, pinching = { total_slip = 0.8, slope = 0.4, initiation = 0.2, magnitude = 0.2, rate = 0.01, severity = 0.5 } }"
 hinge = "imk = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, capping_ratio = 1.1, plastic_disp_m = 3e-3, post_capping_disp_m = 8e-3, ultimate_disp_m = 0.02, residual_ratio = 0.3, strength_lambda_m = 0.5, post_capping_lambda_m = 0.4, unloading_lambda_m = 1.0, negative = { yield_force_n = 1000.0, capping_ratio = 1.05, plastic_disp_m = 2e-3, post_capping_disp_m = 6e-3, ultimate_disp_m = 0.015, residual_ratio = 0.2, deterioration_factor = 0.9 } }"
 hinge_to_peaks = "imk = { response = 'peak_oriented', stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, capping_ratio = 1.1, plastic_disp_m = 3e-3, post_capping_disp_m = 8e-3, ultimate_disp_m = 0.02, strength_lambda_m = 0.5, post_capping_lambda_m = 0.4, unloading_lambda_m = 1.0, reloading_lambda_m = 0.3, strength_exponent = 1.2, post_capping_exponent = 1.1, unloading_exponent = 1.3, reloading_exponent = 1.05, deterioration_factor = 0.8 }"
+straight_lines = "hysteretic = { positive = [{ disp_m = 1e-3, force_n = 1190.0 }, { disp_m = 3e-3, force_n = 1400.0 }, { disp_m = 7e-3, force_n = 600.0 }], negative = [{ disp_m = 1.2e-3, force_n = 1000.0 }, { disp_m = 4e-3, force_n = 1300.0 }], pinch_x = 0.7, pinch_y = 0.3, damage_1 = 0.01, damage_2 = 0.02, beta = 0.3 }"
+four_corners = "pinching4 = { positive = [{ disp_m = 1e-3, force_n = 1190.0 }, { disp_m = 2e-3, force_n = 1400.0 }, { disp_m = 4e-3, force_n = 1450.0 }, { disp_m = 7e-3, force_n = 500.0 }], negative = [{ disp_m = 1.2e-3, force_n = 1000.0 }, { disp_m = 2e-3, force_n = 1200.0 }, { disp_m = 3e-3, force_n = 1250.0 }, { disp_m = 6e-3, force_n = 300.0 }], pinching = { r_disp = 0.5, r_force = 0.25, u_force = 0.05 }, negative_pinching = { r_disp = 0.4, r_force = 0.3, u_force = -0.1 }, g_k = [0.6, 0.2, 0.3, 0.2, 0.9], g_d = [0.3, 0.2, 2.0, 2.0, 0.5], g_f = [0.2, 0.1, 1.0, 1.0, 0.6], g_e = 8.0 }"
+four_corners_by_cycles = "pinching4 = { positive = [{ disp_m = 1e-3, force_n = 1190.0 }, { disp_m = 2e-3, force_n = 1400.0 }, { disp_m = 4e-3, force_n = 1450.0 }, { disp_m = 7e-3, force_n = 500.0 }], pinching = { r_disp = 0.5, r_force = 0.25, u_force = 0.05 }, g_k = [0.3, 0.1, 0.3, 0.5, 0.9], g_f = [0.1, 0.02, 1.0, 1.0, 0.6], damage = 'cycle' }"
+brb = "buckling_restrained = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, strain_hardening = 1.4, compression_overstrength = 1.15, post_yield_ratio = 0.03, saturation_disp_m = 0.02, exponent = 0.8 }"
+flag = "self_centring = { stiffness_n_per_m = 1.19e6, activation_force_n = 1190.0, post_activation_ratio = 0.05, beta = 0.8 }"
+flag_that_ends = "self_centring = { stiffness_n_per_m = 1.19e6, activation_force_n = 1190.0, post_activation_ratio = 0.05, beta = 0.6, slip_disp_m = 4e-3, bearing_disp_m = 6e-3, bearing_ratio = 2.0 }"
+hertz_pounding = "pounding = { stiffness_n_per_m1_5 = 1e6, gap_m = 2e-3, side = 'both', restitution = 0.7, largest_penetration_m = 6e-3, least_impact_velocity_m_per_s = 0.05 }"
 tension_only = "gap = { stiffness_n_per_m = 1e6, gap_m = 0.0, side = 'tension' }"
 pounding = "gap = { stiffness_n_per_m = 1e7, gap_m = 2e-3, side = 'compression' }"
 pin = "gap = { stiffness_n_per_m = 1e7, gap_m = 1e-3, side = 'both' }"
@@ -54,6 +61,7 @@ fn of_displacement() -> Vec<(String, LawSpec)> {
             "viscous",
             "biviscous",
             "isolator",
+            "hertz_pounding",
             "maxwell",
             "brace",
         ]
@@ -316,7 +324,10 @@ fn numbers_out_of_domain_name_the_key() {
         places(&serde_json::to_value(&spec).unwrap(), "", &mut found);
         assert!(!found.is_empty(), "{name}");
         for place in found {
-            let key = place.rsplit('/').next().unwrap().to_owned();
+            // A number of a list has the name of the list.
+            let parts = place.rsplit('/');
+            let mut names = parts.filter(|part| part.parse::<usize>().is_err());
+            let key = names.next().unwrap().to_owned();
             for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e300] {
                 let cubic_stiffness = place == "/cubic/stiffness_n_per_m";
                 if wrong.is_finite() && (signed.contains(&key.as_str()) || cubic_stiffness) {
@@ -380,7 +391,8 @@ proptest! {
     #[test]
     fn no_law_is_a_source_of_energy(turns in prop::collection::vec(-8e-3..8e-3f64, 1..6)) {
         for (name, spec) in of_displacement() {
-            if name == "snap_through" {
+            // The published form of `pinching4` gives energy back in small cycles on one side where its sides differ.
+            if name == "snap_through" || name == "four_corners" {
                 continue;
             }
             let mut law = spec.build().unwrap();
@@ -392,6 +404,30 @@ proptest! {
             work(law.as_mut(), 0.0, &closed, steepest);
             let (energy, doubt) = work(law.as_mut(), 0.0, &closed, steepest);
             prop_assert!(energy >= -doubt, "{} steady {}", name, energy);
+        }
+    }
+
+    /// The straight path decides, not the steps on it. No tangent exceeds its bound on the way, and no fall the steepest one.
+    #[test]
+    fn one_step_equals_its_parts(turns in prop::collection::vec(-8e-3..8e-3f64, 1..24), pieces in 2..9u32) {
+        for (name, spec) in of_displacement() {
+            let (mut whole, mut parts) = (spec.build().unwrap(), spec.build().unwrap());
+            let bound = whole.bound(REACH).0.unwrap() * (1.0 + 1e-9);
+            let softens = name.starts_with("hinge") || name.contains("lines") || name.contains("corners");
+            let steepest = -whole.steepest_softening() * (1.0 + 1e-9) - 1e-3;
+            let mut from = 0.0;
+            for turn in &turns {
+                let force = whole.step(*turn, 0.0, 0.01);
+                let mut last = 0.0;
+                for i in 1..=pieces {
+                    last = parts.step(from + (turn - from) * f64::from(i) / f64::from(pieces), 0.0, 0.01);
+                    let tangent = parts.tangent().stiffness;
+                    prop_assert!(tangent <= bound, "{} {}", name, tangent);
+                    prop_assert!(!softens || tangent >= steepest, "{} {}", name, tangent);
+                }
+                prop_assert!((force - last).abs() < 1e-6, "{} at {}: {} {}", name, turn, force, last);
+                from = *turn;
+            }
         }
     }
 

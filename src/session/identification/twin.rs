@@ -228,7 +228,8 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
 /// Law, stiffness and damping.
 fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz: f64) {
     let Found { law, estimate } = matrices::found(table, known, to_hz);
-    (table.law, table.laws, table.coupled) = (None, None, None);
+    (table.law, table.laws) = (None, None);
+    (table.coupled, table.bearing) = (None, None);
     table.link = None;
     table.hardening_bound = None;
     let linear = |axis: usize| {

@@ -311,6 +311,7 @@ fn kind(table: &SpecimenTable) -> Option<String> {
             let axes = law.stiffness_n_per_m.len() as u64;
             format!("coupled, {}", plural(axes, "axis", "axes"))
         }
+        SpecimenLaw::Bearing(bearing) => format!("{} bearing", spoken(&word(&bearing))),
     })
 }
 

@@ -13,7 +13,6 @@
 //! any number of partial steps: the result does not depend on an inner step. The law knows no rate effect.
 
 mod branch;
-mod extrapolate;
 mod wear;
 
 use std::sync::Arc;

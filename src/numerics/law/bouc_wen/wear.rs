@@ -14,7 +14,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::extrapolate::integrate;
+use super::super::extrapolate::integrate;
 use super::{LawError, Parameters, power};
 use crate::law::domain::{fraction, inside, not_negative, positive};
 
