@@ -103,7 +103,7 @@ pub(super) fn summarise(
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     warnings.extend(recorded.loss());
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
-    warnings.extend(outcome.map(over_tension).into_iter().flatten());
+    warnings.extend(outcome.map(beyond_declared).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
     warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
@@ -175,16 +175,16 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
 }
 
 /// Corotational members that λ was not chosen for, in sentences.
-fn over_tension(outcome: &Outcome) -> Vec<String> {
-    let sentence = |(name, [found, declared]): &(String, [f64; 2])| {
+fn beyond_declared(outcome: &Outcome) -> Vec<String> {
+    let sentence = |(name, [tension, rotation]): &(String, [f64; 2])| {
         format!(
-            "{name}: its tension reached {}, more than its declared {}, for which λ was chosen; declare more as \
-             `corotational.largest_tension_n`",
-            quantity(*found, "N"),
-            quantity(*declared, "N")
+            "{name} went beyond what λ was chosen for: its tension reached {} and its rotation {}; declare both as \
+             `corotational = {{ largest_tension_n = …, largest_rotation_rad = … }}`",
+            quantity(*tension, "N"),
+            quantity(*rotation, "rad")
         )
     };
-    outcome.over_tension.iter().map(sentence).collect()
+    outcome.beyond_declared.iter().map(sentence).collect()
 }
 
 /// Ticks without a command, in a sentence.

@@ -6,7 +6,6 @@ use gusset_config::{ClockChoice, DeformationTable, Finding, KeyPath};
 use gusset_control::engine::Numerical;
 use gusset_numerics::frame::{FrameError, FrameSpec, MemberUse, NodeLoadSpec};
 use gusset_numerics::model::StructureSpec;
-use gusset_proof::Kind;
 use gusset_quantity::units::{number, quantity};
 use gusset_record::rt::os::monotonic_ns;
 
@@ -137,18 +136,6 @@ pub(super) fn facts(
             finding = finding.label(format!("and {more} more members yield"));
         }
         site.warnings.push(finding);
-    }
-    let far = frame
-        .member
-        .iter()
-        .position(|one| one.corotational.is_some());
-    if let Some(index) = far {
-        let at = path("structure").key("frame").key("member").index(index);
-        let text = "the stability of corotational members is not known: λ is chosen for their stiffness at rest and the declared tension, \
-                    but a member that turns is stiff in other directions";
-        let finding = Finding::warning(at.key("corotational"), text);
-        let finding = finding.help("compare with a test of half the step");
-        site.doubts.push((Kind::Unknown, finding));
     }
     Ok(Some(FrameFacts {
         mass: frame.node.iter().map(|node| node.mass_kg).sum(),

@@ -261,7 +261,8 @@ class Model:
             way = [b - a for a, b in zip(first, last)]
             upright = abs(way[0]) + abs(way[1]) < 1e-6 * abs(way[2])
             z = cross(way, member.get("orientation", [1, 0, 0] if upright else [0, 0, 1]))
-        ops.geomTransf("PDelta" if member.get("p_delta") else "Linear", tag, *map(float, z), "-jntOffset", *offsets[0], *offsets[1])
+        geometry = "Corotational" if "corotational" in member else "PDelta" if member.get("p_delta") else "Linear"
+        ops.geomTransf(geometry, tag, *map(float, z), "-jntOffset", *offsets[0], *offsets[1])
         twists = member.get("torsion_n_m2") or torsion(section, frame.get("material", {})) if self.in_space else 0.0
         if kind == "elastic":
             start, end = self.hinge(start, member.get("hinge_start"), 1), self.hinge(end, member.get("hinge_end"), -1)

@@ -30,8 +30,8 @@ pub struct Outcome {
     pub peaks: Peaks,
     /// Name of each member of a frame that can yield, with its largest use so far at both ends in parts of what makes it yield.
     pub demands: Vec<(String, [f64; 2])>,
-    /// Name of each corotational member whose tension exceeded the declared one, with both in N.
-    pub over_tension: Vec<(String, [f64; 2])>,
+    /// Name of each corotational member that went beyond its declared tension or rotation, with its largest ones in N and rad.
+    pub beyond_declared: Vec<(String, [f64; 2])>,
     /// Peaks and counts of each specimen: name, largest |force| per axis of answers that came in time, exchanges.
     pub ports: Vec<(String, Vec<f64>, LinkCount)>,
     /// Largest |force| of each specimen before the test, one per axis.

@@ -327,9 +327,9 @@ impl Test {
                     .map(|(name, demand)| (name.to_owned(), demand))
                     .collect()
             }),
-            over_tension: self.of_members(|members| {
-                let over = members.over_tension();
-                over.map(|(name, both)| (name.to_owned(), both)).collect()
+            beyond_declared: self.of_members(|members| {
+                let beyond = members.beyond_declared();
+                beyond.map(|(name, both)| (name.to_owned(), both)).collect()
             }),
             ports: (self.ports.iter().zip(self.peak_forces()))
                 .map(|(port, forces)| {

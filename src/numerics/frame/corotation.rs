@@ -35,6 +35,17 @@ impl Corotation {
             }
     }
 
+    /// Cosine of the rotation of its axis since rest, from the derivatives of the elongation. Real-time: yes.
+    pub(super) fn cosine(&self, slopes: &[[f64; 12]; 6]) -> f64 {
+        let [along, ..] = slopes;
+        match self {
+            Self::Plane(chord) => along[3] * chord.cosines[0] + along[4] * chord.cosines[1],
+            Self::Space(chord) => (along.iter().skip(6).zip(&chord.axes[0]))
+                .map(|(now, rest)| now * rest)
+                .sum(),
+        }
+    }
+
     /// t: how much less than its ends the chord turns about z, and about y, for each displacement of both nodes. With a, the
     /// derivatives of the elongation, the forces of a member of length l add N l t tᵀ − (M₁ + M₂)/l (a tᵀ + t aᵀ) to its stiffness for
     /// each of both, which is complete in a plane. Real-time: yes.

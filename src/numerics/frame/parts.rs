@@ -3,13 +3,14 @@
 use super::corotation::Corotation;
 use super::error::listed;
 use super::fibre::Fibres;
-use super::inelastic::{self, Basic, HingeLaw, Moving, Place};
+use super::inelastic::{self, Basic, Declared, HingeLaw, Moving, Place};
 use super::member::{Beside, Chord, ChordInSpace, Matrix};
 use super::model::{FrameModel, Motion};
 use super::section::Section;
 use super::symmetric::Sym;
 use super::{Direction, FrameError, FrameSpec, MemberKind, MemberSpec};
 use crate::law::{LawSpec, Reach};
+use std::f64::consts::FRAC_PI_2;
 
 /// Most sections along a member.
 const MOST_POINTS: usize = 10;
@@ -304,7 +305,8 @@ impl FrameSpec {
         if spec.kind == MemberKind::Truss {
             place = place.stretched();
         }
-        let moving = self.moving(index, name, spec, (&ends, &place), influence)?;
+        let axial = basic.0.initial()[0][0];
+        let moving = self.moving(index, name, spec, (&ends, &place, axial), influence)?;
         Ok(PartKind::Inelastic(ends, place, basic, moving))
     }
 
@@ -314,7 +316,7 @@ impl FrameSpec {
         index: usize,
         name: &str,
         spec: &MemberSpec,
-        (ends, place): (&Ends<'_>, &Place),
+        (ends, place, axial): (&Ends<'_>, &Place, f64),
         influence: &[f64],
     ) -> Result<Option<Box<Moving>>, FrameError> {
         let at = ("member", index);
@@ -347,15 +349,16 @@ impl FrameSpec {
                 return Err(FrameError::Unfit { at, key, name, why });
             }
         }
-        if let Some(found) = given.largest_tension_n
-            && !(found >= 0.0 && found.is_finite())
-        {
-            return Err(FrameError::Value {
-                at,
-                key: "corotational",
-                found,
-                allowed: "a tension that is finite and not negative",
-            });
+        let (tension, rotation) = (given.largest_tension_n, given.largest_rotation_rad);
+        for found in [tension, rotation.unwrap_or(0.0)] {
+            if !(found >= 0.0 && found.is_finite()) {
+                return Err(FrameError::Value {
+                    at,
+                    key: "corotational",
+                    found,
+                    allowed: "a tension and a rotation that are finite and not negative",
+                });
+            }
         }
         let of = match ends.chord {
             Line::Plane(chord) => Corotation::Plane(chord),
@@ -370,9 +373,16 @@ impl FrameSpec {
                 .map(Vec::as_slice)
                 .collect(),
         };
-        let tension = given.largest_tension_n;
-        let stiffening = ends.geometric_stiffness(tension.unwrap_or(0.0));
-        let moving = Moving::new(of, &motions, (tension, stiffening), place, influence);
+        // E A/L sin² of the rotation acts across the axis at rest.
+        let (length, angle) = (ends.chord.length(), rotation.unwrap_or(0.0).min(FRAC_PI_2));
+        let sine = libm::sin(angle);
+        let across = tension + axial * length * sine * sine;
+        let declared = Declared {
+            tension,
+            rotation,
+            stiffening: ends.geometric_stiffness(across),
+        };
+        let moving = Moving::new(of, &motions, declared, place, influence);
         Ok(Some(Box::new(moving)))
     }
 

@@ -450,7 +450,7 @@ pub struct MemberSpec {
     #[schemars(example = true)]
     pub p_delta: bool,
     /// Corotational geometry: large displacements and rotations of a member with small deformations.
-    /// Its stability is not proven. Default: none.
+    /// Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corotational: Option<CorotationalSpec>,
     /// If true, its deformations and forces are recorded. An elastic member without hinges has no such
@@ -516,11 +516,15 @@ impl MemberSpec {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CorotationalSpec {
-    /// Largest tension expected, which stiffens it across its axis. λ is chosen for it. Without it
-    /// `integrator.lambda` must be a number.
+    /// Largest rotation of its axis expected: a member that turns is stiff in other directions. λ is
+    /// chosen for it. Without it `integrator.lambda` must be a number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
+    pub largest_rotation_rad: Option<f64>,
+    /// Largest tension expected, which stiffens it across its axis. λ is chosen for it. Default: none.
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(example = 2.0e5)]
-    pub largest_tension_n: Option<f64>,
+    pub largest_tension_n: f64,
 }
 
 /// How a member deforms.

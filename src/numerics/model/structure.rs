@@ -229,10 +229,7 @@ impl Structure {
         let entries =
             ends.flat_map(|(element, at)| stamp(&row(element.from, element.to), at.stiffness));
         let all = (self.stiffness).plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries));
-        self.with(
-            all,
-            self.members.stiffness(Which::Reference).unwrap_or_default(),
-        )
+        self.with(all, self.members.stiffness(Which::Rest).unwrap_or_default())
     }
 
     /// Damping of the structure at rest: of each element its tangent there, or its reference where that is less. Takes a trial
@@ -287,7 +284,18 @@ impl Structure {
             bounds.next().map_or(0.0, |bound| bound.stiffness)
         });
         let of_members = self.members.stiffness(Which::Bound);
-        Ok(self.with(all, of_members.map_err(|link| no_bound(link, "stiffness"))?))
+        let of_members = of_members.map_err(|name| {
+            if self.members.is_moving(&name) {
+                return ModelError::NoBound {
+                    element: name,
+                    tangent: "stiffness",
+                    key: "corotational.largest_rotation_rad",
+                    ratio: "integrator.lambda",
+                };
+            }
+            no_bound(name, "stiffness")
+        });
+        Ok(self.with(all, of_members?))
     }
 
     /// C_max: upper bound of the tangent damping.

@@ -81,6 +81,7 @@ impl Stateful for Member {
         if let Some(moving) = &mut self.moving {
             moving.moved.iter_mut().for_each(|x| visit.number(x));
             visit.number(&mut moving.largest);
+            visit.number(&mut moving.least);
             moving.turn();
             moving.note(&self.answer.force);
         }
@@ -102,10 +103,24 @@ pub(super) struct Moving {
     turns: Vec<[f64; 2]>,
     /// N l, and the shear forces of both bendings.
     forces: [f64; 3],
-    /// The declared tension and the largest one so far, N; and the stiffness that the declared one adds.
-    tension: Option<f64>,
+    declared: Declared,
+    /// Cosine of the rotation of its axis at the last trial.
+    cosine: f64,
+    /// The largest tension so far, N, and the least cosine.
     largest: f64,
-    stiffening: Vec<(usize, usize, f64)>,
+    least: f64,
+}
+
+/// What the user expects of a corotational member.
+#[derive(Debug)]
+pub(super) struct Declared {
+    /// Tension, N.
+    pub(super) tension: f64,
+    /// Rotation of its axis, rad.
+    pub(super) rotation: Option<f64>,
+    /// The stiffness across the axis at rest that both make. A member of axial stiffness a and stiffness b across turns by φ: its
+    /// stiffness is at most twice that of a and b + a sin² φ.
+    pub(super) stiffening: Vec<(usize, usize, f64)>,
 }
 
 impl Moving {
@@ -113,7 +128,7 @@ impl Moving {
     pub(super) fn new(
         of: Corotation,
         motions: &[&[(usize, f64)]],
-        (tension, stiffening): (Option<f64>, Vec<(usize, usize, f64)>),
+        declared: Declared,
         place: &Place,
         influence: &[f64],
     ) -> Self {
@@ -136,9 +151,10 @@ impl Moving {
             disp: [0.0; 6],
             place: place.clone(),
             forces: [0.0; 3],
-            tension,
+            declared,
+            cosine: 1.0,
             largest: 0.0,
-            stiffening,
+            least: 1.0,
         };
         new.turn();
         new
@@ -161,6 +177,7 @@ impl Moving {
     fn turn(&mut self) {
         let (disp, slopes) = self.of.at(&self.moved);
         let turns = self.of.turns(&slopes);
+        self.cosine = self.of.cosine(&slopes);
         self.disp = disp;
         let places = self.place.rows.iter_mut().zip(&mut self.turns);
         for ((row, turn), column) in places.zip(&self.columns) {
@@ -395,7 +412,7 @@ pub(crate) enum Which {
     Reference,
     /// Upper bound of the tangents.
     Bound,
-    /// The part of the reference damping that acts around rest only.
+    /// Around rest: the stiffness there, and the part of the reference damping that acts there only.
     Rest,
 }
 
@@ -564,6 +581,7 @@ impl Members {
             member.basic.commit();
             if let Some(moving) = &mut member.moving {
                 moving.largest = moving.largest.max(member.answer.force[0]);
+                moving.least = moving.least.min(moving.cosine);
             }
         }
     }
@@ -687,20 +705,21 @@ impl Members {
         })
     }
 
-    /// Name of each member whose tension exceeded the declared one, with both in N.
-    pub fn over_tension(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+    /// Name of each corotational member that went beyond its declared tension or rotation, with its largest ones in N and rad.
+    pub fn beyond_declared(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
         self.each.iter().filter_map(|member| {
             let moving = member.moving.as_ref()?;
-            let declared = moving.tension?;
-            (moving.largest > declared)
-                .then_some((member.name.as_str(), [moving.largest, declared]))
+            let declared = &moving.declared;
+            let rotation = libm::acos(moving.least.clamp(-1.0, 1.0));
+            let is_beyond = moving.largest > declared.tension || rotation > declared.rotation?;
+            is_beyond.then_some((member.name.as_str(), [moving.largest, rotation]))
         })
     }
 
-    /// True if a member moves far.
-    #[must_use]
-    pub fn are_moving(&self) -> bool {
-        self.each.iter().any(|member| member.moving.is_some())
+    /// True if a member of this name is corotational.
+    pub(crate) fn is_moving(&self, name: &str) -> bool {
+        let mut own = self.each.iter().filter(|member| member.name == name);
+        own.any(|member| member.moving.is_some())
     }
 
     /// Name of each member with its largest use so far at its start and its end, in parts of what makes it yield.
@@ -735,8 +754,8 @@ impl Members {
     /// # Errors
     /// Name of a link whose bound needs a reach.
     pub(crate) fn stiffness(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
-        let tension = (which != Which::Rest, which == Which::Bound);
-        self.of_laws(tension, Member::initial, |law, reach| match which {
+        let kind = (which != Which::Rest, which == Which::Bound);
+        self.of_laws(kind, Member::initial, |law, reach| match which {
             Which::Bound => law.bound(reach).0,
             Which::Reference | Which::Rest => Some(law.reference().stiffness),
         })
@@ -760,7 +779,7 @@ impl Members {
 
     fn of_laws(
         &self,
-        (counts_tension, is_bound): (bool, bool),
+        (is_stiffness, is_bound): (bool, bool),
         of_member: impl Fn(&Member) -> Sym<6>,
         of_link: impl Fn(&dyn Law, Reach) -> Option<f64>,
     ) -> Result<Vec<(usize, usize, f64)>, String> {
@@ -774,13 +793,17 @@ impl Members {
                 }
                 _ => of_member(member),
             };
-            entries.extend(member.place.matrix(&matrix));
-            if let Some(moving) = member.moving.as_ref().filter(|_| counts_tension) {
-                if moving.tension.is_none() && is_bound {
-                    return Err(member.name.clone());
-                }
-                entries.extend_from_slice(&moving.stiffening);
+            let own = member.place.matrix(&matrix);
+            let Some(moving) = member.moving.as_ref().filter(|_| is_stiffness) else {
+                entries.extend(own);
+                continue;
+            };
+            if moving.declared.rotation.is_none() && is_bound {
+                return Err(member.name.clone());
             }
+            let factor = if is_bound { 2.0 } else { 1.0 };
+            let all = own.iter().chain(&moving.declared.stiffening);
+            entries.extend(all.map(|(i, j, value)| (*i, *j, factor * value)));
         }
         Ok(entries)
     }

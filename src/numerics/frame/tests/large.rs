@@ -206,3 +206,32 @@ fn frame_of_lee_stands_up_to_its_snap() {
     assert!((30.0..50.0).contains(&fall), "{fall}");
     assert!(under(1.9).is_none());
 }
+
+/// A member that turns or is pulled more than its user expects is named, with its largest tension and rotation.
+#[test]
+fn motion_beyond_the_declared_one_is_named() {
+    let section = "elastic = { young_pa = 1e6, area_m2 = 1e-2, inertia_m4 = 1e-4 }";
+    let found = |declared: &str, disp: [f64; 3]| -> Vec<[f64; 2]> {
+        let mut frame = row(&[vec![0.0, 0.0], vec![1.0, 0.0]], section, "");
+        frame.member[0].corotational = Some(toml::from_str(declared).unwrap());
+        let mut structure = structure(frame);
+        structure.subtract_trial(&disp, &[0.0; 3], Base::default(), 0.0, &mut [0.0; 3]);
+        structure.commit();
+        let members = structure.members();
+        members.beyond_declared().map(|(_, most)| most).collect()
+    };
+    let declared = "largest_rotation_rad = 0.1\nlargest_tension_n = 1e2";
+    let turned = |angle: f64| [libm::cos(angle) - 1.0, libm::sin(angle), angle];
+    assert!(found(declared, turned(0.09)).is_empty());
+    let [[tension, rotation]] = found(declared, turned(0.2))[..] else {
+        panic!("it turns");
+    };
+    assert!(tension.abs() < 1e-6 && (rotation - 0.2).abs() < 1e-9, "{tension} {rotation}");
+    // 1e4 N/m times 2 cm.
+    let [[tension, _]] = found(declared, [0.02, 0.0, 0.0])[..] else {
+        panic!("it is pulled");
+    };
+    assert!((tension - 200.0).abs() < 1e-9, "{tension}");
+    // Without a declared rotation nothing was promised.
+    assert!(found("", turned(0.2)).is_empty());
+}
