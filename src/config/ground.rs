@@ -88,7 +88,7 @@ impl GroundDirection {
 
     /// True for a vertical direction of the structure, which may be a plane frame.
     #[must_use]
-    pub fn is_vertical(self, is_plane_frame: bool) -> bool {
+    pub(crate) fn is_vertical(self, is_plane_frame: bool) -> bool {
         self == Self::Z || (is_plane_frame && self == Self::Y)
     }
 }

@@ -269,7 +269,7 @@ impl Test {
             .collect()
     }
 
-    /// What the members of a frame tell; nothing of another test.
+    /// A list from the members of a frame; an empty one of another test.
     fn of_members<T>(&self, of: impl FnOnce(&Members) -> Vec<T>) -> Vec<T> {
         match &self.parts.side {
             Side::Structure(numerical) => of(numerical.structure.members()),

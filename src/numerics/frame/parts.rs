@@ -310,7 +310,7 @@ impl FrameSpec {
         Ok(PartKind::Inelastic(ends, place, basic, moving))
     }
 
-    /// Corotational geometry, if a member has it.
+    /// Corotational geometry, of a member that asks for it.
     fn moving(
         &self,
         index: usize,

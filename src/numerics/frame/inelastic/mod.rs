@@ -111,7 +111,7 @@ pub(super) struct Moving {
     least: f64,
 }
 
-/// What the user expects of a corotational member.
+/// Largest motion that a user expects of a corotational member.
 #[derive(Debug)]
 pub(super) struct Declared {
     /// Tension, N.
@@ -515,7 +515,7 @@ impl Members {
 
     /// True if there is a member of fibres.
     #[must_use]
-    pub fn has_fibres(&self) -> bool {
+    pub(crate) fn has_fibres(&self) -> bool {
         let mut each = self.each.iter();
         each.any(|member| !matches!(member.basic, Basic::Hinged(_) | Basic::Link(_)))
     }

@@ -226,7 +226,10 @@ fn motion_beyond_the_declared_one_is_named() {
     let [[tension, rotation]] = found(declared, turned(0.2))[..] else {
         panic!("it turns");
     };
-    assert!(tension.abs() < 1e-6 && (rotation - 0.2).abs() < 1e-9, "{tension} {rotation}");
+    assert!(
+        tension.abs() < 1e-6 && (rotation - 0.2).abs() < 1e-9,
+        "{tension} {rotation}"
+    );
     // 1e4 N/m times 2 cm.
     let [[tension, _]] = found(declared, [0.02, 0.0, 0.0])[..] else {
         panic!("it is pulled");
