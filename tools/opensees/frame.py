@@ -303,12 +303,26 @@ class Model:
     def link(self, link):
         self.is_elastic = False
         tag = self.new()
-        law(tag, link["law"])
         start, end = (self.tags[name] for name in link["nodes"])
+        if "bearing" in link:
+            return self.bearing(tag, start, end, link["bearing"])
+        law(tag, link["law"])
         if link["direction"] == "axial":
             ops.element("twoNodeLink", tag, start, end, "-mat", tag, "-dir", 1)
         else:
             ops.element("zeroLength", tag, start, end, "-mat", tag, "-dir", self.directions[link["direction"]])
+
+    def bearing(self, tag, start, end, of):
+        """A bearing whose axis points upwards."""
+        (kind, s), = of.items()
+        ops.uniaxialMaterial("Elastic", tag, s.get("vertical_stiffness_n_per_m", 1e9))
+        others = ["-P", tag, "-T", tag, "-My", tag, "-Mz", tag, "-orient", 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+        if kind == "elastomeric":
+            first, last = s["stiffness_n_per_m"], s["post_yield_stiffness_n_per_m"]
+            ops.element("elastomericBearingPlasticity", tag, start, end, first, s["characteristic_strength_n"], last / first, 0.0, 1.0, *others)
+            return
+        ops.frictionModel("Coulomb", tag, s["friction_slow"])
+        ops.element("singleFPBearing", tag, start, end, tag, s["radius_m"], s["stiffness_n_per_m"], *others, "-iter", 100, 1e-12)
 
 
 def settle(tolerance):

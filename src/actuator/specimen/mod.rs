@@ -41,8 +41,8 @@ mod uniaxial;
 #[cfg(test)]
 mod tests;
 
-pub use bearing::BearingSpec;
 pub use coupled::{Coupled, CoupledSpec};
+pub use gusset_numerics::law::BearingSpec;
 pub use in_process::InProcess;
 pub use in_process::status;
 pub use in_units::InUnits;

@@ -490,46 +490,73 @@ impl FrameSpec {
         let [start, end] = &spec.nodes;
         let nodes = [self.place(at, start)?, self.place(at, end)?];
         let motions = nodes.map(|node| &model.motions[node]);
-        let terms = match spec.direction.of_nodes() {
-            Some(direction) => {
-                self.in_frame(at, "direction", direction)?;
-                let row = [-1.0, 1.0];
-                let each = row.iter().zip(motions.map(|of| &of[direction as usize]));
-                of_nodes(each)
-            }
-            None => {
-                let line = self.line(at, nodes, [[0.0; 3]; 2], None)?;
-                let line = line.ok_or_else(|| FrameError::Unfit {
-                    at,
-                    key: "direction",
-                    name: name.clone(),
-                    why: "has no length and no axial direction: use the direction of a node",
-                })?;
-                let mut rows = line.deformations(motions);
-                rows.swap_remove(0)
-            }
+        let unfit = |key, why| FrameError::Unfit {
+            at,
+            key,
+            name: name.clone(),
+            why,
         };
-        let law = spec.law.build().map_err(|source| FrameError::Law {
+        let along = |direction: Direction| {
+            let row = [-1.0, 1.0];
+            let each = row.iter().zip(motions.map(|of| &of[direction as usize]));
+            of_nodes(each)
+        };
+        let wrong = |source| FrameError::Law {
             at: ("link", Some(index)),
             name: name.clone(),
             source,
-        })?;
-        if terms.is_empty() {
-            return Err(FrameError::Unfit {
-                at,
-                key: "nodes",
-                name,
-                why: "is never deformed: both of its ends move alike",
-            });
-        }
+        };
         let reach = Reach {
             disp: spec.reach_disp_m,
             vel: spec.reach_vel_m_per_s,
         };
-        let place = Place::new([terms], influence);
-        let turns = spec.direction.of_nodes().is_some_and(Direction::turns);
-        let kind = PartKind::Link(place, Basic::Link(law), (reach, turns));
-        let title = (self.member.len() + index + 1, name, spec.record);
+        let number = self.member.len() + index + 1;
+        let (terms, basic, turns) = match (&spec.law, spec.direction, &spec.bearing) {
+            (Some(law), Some(direction), None) => {
+                let law = law.build().map_err(wrong)?;
+                let terms = match direction.of_nodes() {
+                    Some(direction) => {
+                        self.in_frame(at, "direction", direction)?;
+                        along(direction)
+                    }
+                    None => {
+                        let line = self.line(at, nodes, [[0.0; 3]; 2], None)?;
+                        let why =
+                            "has no length and no axial direction: use the direction of a node";
+                        let line = line.ok_or_else(|| unfit("direction", why))?;
+                        let mut rows = line.deformations(motions);
+                        rows.swap_remove(0)
+                    }
+                };
+                let turns = direction.of_nodes().is_some_and(Direction::turns);
+                (vec![terms], Basic::Link(law), turns)
+            }
+            (None, None, Some(bearing)) => {
+                self.in_frame(at, "bearing", Direction::Z)?;
+                if spec.record {
+                    return Err(unfit("record", "is a bearing and cannot be recorded"));
+                }
+                let axes = bearing.axes();
+                let built = bearing.build(axes).map_err(wrong)?;
+                let directions = [Direction::X, Direction::Y, Direction::Z];
+                let terms = directions.into_iter().take(axes).map(along).collect();
+                (terms, Basic::Bearing(Box::new(built)), false)
+            }
+            (None, _, Some(_)) => {
+                return Err(unfit("direction", "is a bearing, which has no `direction`"));
+            }
+            (_, None, _) => return Err(unfit("nodes", "has no `direction`")),
+            _ => return Err(unfit("nodes", "needs either a `law` or a `bearing`")),
+        };
+        if terms.iter().all(Vec::is_empty) {
+            return Err(unfit(
+                "nodes",
+                "is never deformed: both of its ends move alike",
+            ));
+        }
+        let place = Place::new(terms, influence);
+        let kind = PartKind::Link(place, basic, (reach, turns));
+        let title = (number, name, spec.record);
         Ok(Part { title, kind })
     }
 }

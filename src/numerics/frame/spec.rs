@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::MaterialSpec;
-use crate::law::LawSpec;
+use crate::law::{BearingSpec, LawSpec};
 
 /// Plane or space frame: nodes, members and links between them, constraints and static loads.
 /// In a plane y points upwards, in space z. Rotations follow the right-hand rule. DOFs are the free
@@ -557,11 +557,19 @@ pub struct FrameLinkSpec {
     /// Names of its two nodes: start and end.
     #[schemars(example = ["A0", "A1"])]
     pub nodes: [String; 2],
-    /// Direction in which it acts: one of its nodes, or "axial" along the line from start to end.
+    /// Direction in which it acts: one of its nodes, or "axial" along the line from start to end. A
+    /// bearing has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"axial")]
-    pub direction: LinkDirection,
+    pub direction: Option<LinkDirection>,
     /// Its force over the motion of the end from the start; for a rotation N m for N and rad for m.
-    pub law: LawSpec,
+    /// Give either `law` or `bearing`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<LawSpec>,
+    /// Bearing of a space frame: it acts in x and y, and with a vertical stiffness in z. Its end is
+    /// above its start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bearing: Option<BearingSpec>,
     /// Largest displacement that a bound of its tangent needs, for some laws. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.05)]

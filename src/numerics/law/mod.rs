@@ -9,6 +9,7 @@
 //! rate-independent law is integrated along the straight path from the committed displacement to the
 //! trial one, so that its result does not depend on an inner step.
 
+mod bearing;
 mod bouc_wen;
 mod buckling_restrained;
 mod contact;
@@ -36,6 +37,7 @@ use thiserror::Error;
 use gusset_quantity::domain::OutOfDomain;
 use gusset_quantity::state::Stateful;
 
+pub use bearing::{Bearing, BearingSpec, ElastomericSpec, FrictionPendulumSpec};
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
 pub use buckling_restrained::{BucklingRestrained, BucklingRestrainedSpec};
 pub use contact::{Gap, GapSpec, Side};

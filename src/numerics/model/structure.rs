@@ -349,13 +349,12 @@ impl Structure {
             });
         }
         for link in self.members.links() {
-            let (stiffness, damping) = link.law.bound(link.reach);
             let missing = |tangent| no_bound(link.name.to_owned(), tangent);
             visit(&Part {
                 name: link.name.to_owned(),
-                stiffness_bound: stiffness.ok_or_else(|| missing("stiffness"))?,
-                damping: link.law.reference().damping,
-                damping_bound: damping.ok_or_else(|| missing("damping"))?,
+                stiffness_bound: link.stiffness_bound.ok_or_else(|| missing("stiffness"))?,
+                damping: link.damping,
+                damping_bound: link.damping_bound.ok_or_else(|| missing("damping"))?,
                 row: link.row,
             });
         }

@@ -13,7 +13,7 @@ use super::super::section::Rigidity;
 use super::super::symmetric::{
     Sym, dot, inverse, inverse_of_section, product, visit_upper, widened,
 };
-use crate::law::Law;
+use crate::law::{Bearing, Law};
 use crate::linalg::Lanes;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
@@ -32,6 +32,7 @@ pub(in crate::frame) enum Basic {
     Displacement(Box<DisplacementBased<2>>),
     Hinged(Box<Hinged>),
     Link(Box<dyn Law>),
+    Bearing(Box<Bearing>),
     ForceInSpace(Box<ForceBased<3, 5>>),
     DisplacementInSpace(Box<DisplacementBased<3>>),
 }
@@ -76,7 +77,13 @@ const fn of_section(deformation: usize) -> usize {
 
 impl Basic {
     /// From the committed state of laws and fibres to `disp`. Real-time: yes.
-    pub(super) fn trial(&mut self, disp: &[f64; 6], rate: f64, dt: f64, lanes: Lanes) -> Answer {
+    pub(super) fn trial(
+        &mut self,
+        disp: &[f64; 6],
+        rates: &[f64; 6],
+        dt: f64,
+        lanes: Lanes,
+    ) -> Answer {
         match self {
             Self::Force(member) => member.trial(first(disp), lanes),
             Self::Displacement(member) => member.trial(disp, lanes),
@@ -84,12 +91,28 @@ impl Basic {
             Self::DisplacementInSpace(member) => member.trial(disp, lanes),
             Self::Hinged(member) => member.trial(first(disp)),
             Self::Link(law) => {
-                let force = law.trial(disp[0], rate, dt);
+                let force = law.trial(disp[0], rates[0], dt);
                 let tangent = law.tangent();
                 Answer {
                     damping: tangent.damping,
                     ..Answer::of(&[force], &[[tangent.stiffness]])
                 }
+            }
+            Self::Bearing(bearing) => {
+                let mut answer = Answer::default();
+                let count = bearing.axes();
+                let of = |all: &[f64; 6]| [all[0], all[1], all[2]];
+                let (disp, rates, mut force) = (of(disp), of(rates), [0.0; 3]);
+                if let (Some(disp), Some(rates), Some(force)) = (
+                    disp.get(..count),
+                    rates.get(..count),
+                    force.get_mut(..count),
+                ) {
+                    bearing.trial(disp, rates, force);
+                }
+                answer.force[..3].copy_from_slice(&force);
+                answer.stiffness = of_bearing(bearing, |to| bearing.tangent(to));
+                answer
             }
         }
     }
@@ -121,6 +144,7 @@ impl Basic {
             Self::DisplacementInSpace(member) => member.fibres.commit(),
             Self::Hinged(member) => member.commit(),
             Self::Link(law) => law.commit(),
+            Self::Bearing(bearing) => bearing.commit(),
         }
     }
 
@@ -135,6 +159,9 @@ impl Basic {
             }
             Self::Hinged(member) => widened(&member.initial),
             Self::Link(law) => widened(&[[law.reference().stiffness]]),
+            Self::Bearing(bearing) => {
+                of_bearing(bearing, |to| bearing.reference(to, &mut [0.0; 9]))
+            }
         }
     }
 
@@ -146,9 +173,25 @@ impl Basic {
             Self::ForceInSpace(member) => at_ends(&member.fibres, &member.points),
             Self::DisplacementInSpace(member) => at_ends(&member.fibres, &member.points),
             Self::Hinged(member) => member.demand,
-            Self::Link(_) => [0.0; 2],
+            Self::Link(_) | Self::Bearing(_) => [0.0; 2],
         }
     }
+}
+
+/// A matrix of a bearing, which `fill` writes column by column. Real-time: yes.
+pub(super) fn of_bearing(bearing: &Bearing, fill: impl FnOnce(&mut [f64])) -> Sym<6> {
+    let count = bearing.axes();
+    let mut entries = [0.0; 9];
+    if let Some(entries) = entries.get_mut(..count * count) {
+        fill(entries);
+    }
+    let mut out = [[0.0; 6]; 6];
+    for (row, out) in out.iter_mut().enumerate().take(count) {
+        for (column, out) in out.iter_mut().enumerate().take(count) {
+            *out = entries.get(row + count * column).copied().unwrap_or(0.0);
+        }
+    }
+    out
 }
 
 fn at_ends(fibres: &Fibres, points: &[Point]) -> [f64; 2] {
@@ -164,6 +207,7 @@ impl Stateful for Basic {
             Self::DisplacementInSpace(member) => member.visit_state(visit),
             Self::Hinged(member) => member.visit_state(visit),
             Self::Link(law) => law.visit_state(visit),
+            Self::Bearing(bearing) => bearing.visit_state(visit),
         }
     }
 }

@@ -8,6 +8,7 @@ mod quadrature;
 #[cfg(test)]
 mod tests;
 
+use basic::of_bearing;
 pub(super) use basic::{Basic, HingeLaw};
 use std::ops::Range;
 
@@ -18,7 +19,7 @@ use super::fibre::Fibres;
 use super::member::Beside;
 use super::section::Rigidity;
 use super::symmetric::{Sym, dot, product, visit_upper, widened};
-use crate::law::{Law, Reach};
+use crate::law::Reach;
 use crate::linalg::Lanes;
 use gusset_quantity::state::{Stateful, Visit};
 
@@ -400,9 +401,10 @@ pub(crate) struct At<'a> {
 /// A spring or damper between nodes.
 pub(crate) struct Link<'a> {
     pub(crate) name: &'a str,
-    pub(crate) law: &'a dyn Law,
-    pub(crate) reach: Reach,
     pub(crate) row: Vec<(usize, f64)>,
+    pub(crate) stiffness_bound: Option<f64>,
+    pub(crate) damping: f64,
+    pub(crate) damping_bound: Option<f64>,
 }
 
 /// State to which stiffness and damping of a link refer.
@@ -425,6 +427,48 @@ pub(super) fn with(mut stiffness: Sym<6>, beside: Option<&Beside>) -> Sym<6> {
 }
 
 impl Member {
+    /// Stiffness and damping of a link or a bearing; `None` for a bound that needs a reach.
+    fn links(&self, which: Which) -> [Option<Sym<6>>; 2] {
+        match &self.basic {
+            Basic::Link(law) => {
+                let reference = law.reference();
+                let (stiffness, damping) = match which {
+                    Which::Bound => law.bound(self.reach),
+                    Which::Reference => (Some(reference.stiffness), Some(reference.damping)),
+                    Which::Rest => (Some(reference.stiffness), Some(law.rest_damping())),
+                };
+                [stiffness, damping].map(|value| Some(widened(&[[value?]])))
+            }
+            Basic::Bearing(bearing) => {
+                let mut is_known = true;
+                let mut both = [[[0.0; 6]; 6]; 2];
+                for (kind, out) in both.iter_mut().enumerate() {
+                    *out = of_bearing(bearing, |to| {
+                        let mut other = [0.0; 9];
+                        let other = &mut other[..to.len()];
+                        let [stiffness, damping] = match kind {
+                            0 => [to, other],
+                            _ => [other, to],
+                        };
+                        match which {
+                            Which::Bound => {
+                                let reach = [self.reach; 3];
+                                is_known &= bearing.bound(&reach, stiffness, damping).is_ok();
+                            }
+                            Which::Reference => bearing.reference(stiffness, damping),
+                            Which::Rest => {
+                                bearing.reference(stiffness, damping);
+                                bearing.rest_damping(damping);
+                            }
+                        }
+                    });
+                }
+                both.map(|matrix| is_known.then_some(matrix))
+            }
+            _ => [None; 2],
+        }
+    }
+
     /// Its rows at the last trial. Real-time: yes.
     fn now(&self) -> &Place {
         self.moving
@@ -453,7 +497,7 @@ impl Member {
     #[must_use]
     pub const fn link_turns(&self) -> Option<bool> {
         match self.basic {
-            Basic::Link(_) => Some(self.turns),
+            Basic::Link(_) | Basic::Bearing(_) => Some(self.turns),
             _ => None,
         }
     }
@@ -517,7 +561,12 @@ impl Members {
     #[must_use]
     pub(crate) fn has_fibres(&self) -> bool {
         let mut each = self.each.iter();
-        each.any(|member| !matches!(member.basic, Basic::Hinged(_) | Basic::Link(_)))
+        each.any(|member| {
+            !matches!(
+                member.basic,
+                Basic::Hinged(_) | Basic::Link(_) | Basic::Bearing(_)
+            )
+        })
     }
 
     /// Evaluates members twice in a step from now on: no degree of freedom without mass repeats it.
@@ -549,11 +598,11 @@ impl Members {
                 Some(moving) => moving.go(at.disp, at.base[0]),
                 None => member.place.deformation(at.disp, at.base[0]),
             };
-            let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
+            let rates = member.place.deformation(at.vel, at.base[1]);
             if self.is_single {
-                member.basic.trial(&member.disp, rate, at.dt, lanes);
+                member.basic.trial(&member.disp, &rates, at.dt, lanes);
             }
-            member.answer = member.basic.trial(&member.disp, rate, at.dt, lanes);
+            member.answer = member.basic.trial(&member.disp, &rates, at.dt, lanes);
             if let Some(beside) = &member.beside {
                 beside.add(&member.disp, &mut member.answer.force);
                 beside.stiffen(&mut member.answer.stiffness);
@@ -689,18 +738,26 @@ impl Members {
         self.each.iter().filter(|member| member.is_recorded)
     }
 
-    /// Each link with its row: v = Σ row · x, and the reach that its user declared.
+    /// Each link, and each axis of a bearing, with its row: v = Σ row · x.
     pub(crate) fn links(&self) -> impl Iterator<Item = Link<'_>> {
-        self.each.iter().filter_map(|member| {
-            let Basic::Link(law) = &member.basic else {
-                return None;
+        self.each.iter().flat_map(|member| {
+            let axes = match &member.basic {
+                Basic::Link(_) => 1,
+                Basic::Bearing(bearing) => bearing.axes(),
+                _ => 0,
             };
-            let row = member.place.dofs.iter().zip(&member.place.rows);
-            Some(Link {
-                name: &member.name,
-                law: law.as_ref(),
-                reach: member.reach,
-                row: row.map(|(dof, row)| (*dof, row[0])).collect(),
+            let of = |which| member.links(which);
+            let (bound, reference) = (of(Which::Bound), of(Which::Reference));
+            (0..axes).map(move |axis| {
+                let row = member.place.dofs.iter().zip(&member.place.rows);
+                let at = |matrix: Sym<6>| matrix[axis][axis];
+                Link {
+                    name: &member.name,
+                    row: row.map(|(dof, row)| (*dof, row[axis])).collect(),
+                    stiffness_bound: bound[0].map(at),
+                    damping: reference[1].map_or(0.0, at),
+                    damping_bound: bound[1].map(at),
+                }
             })
         })
     }
@@ -755,10 +812,7 @@ impl Members {
     /// Name of a link whose bound needs a reach.
     pub(crate) fn stiffness(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
         let kind = (which != Which::Rest, which == Which::Bound);
-        self.of_laws(kind, Member::initial, |law, reach| match which {
-            Which::Bound => law.bound(reach).0,
-            Which::Reference | Which::Rest => Some(law.reference().stiffness),
-        })
+        self.of_kind(0, which, kind)
     }
 
     /// Entries of C of links, likewise.
@@ -766,32 +820,24 @@ impl Members {
     /// # Errors
     /// Name of a link whose bound needs a reach.
     pub(crate) fn damping(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
-        self.of_laws(
-            (false, false),
-            |_| [[0.0; 6]; 6],
-            |law, reach| match which {
-                Which::Bound => law.bound(reach).1,
-                Which::Reference => Some(law.reference().damping),
-                Which::Rest => Some(law.rest_damping()),
-            },
-        )
+        self.of_kind(1, which, (false, false))
     }
 
-    fn of_laws(
+    /// Stiffness (0) or damping (1).
+    fn of_kind(
         &self,
+        kind: usize,
+        which: Which,
         (is_stiffness, is_bound): (bool, bool),
-        of_member: impl Fn(&Member) -> Sym<6>,
-        of_link: impl Fn(&dyn Law, Reach) -> Option<f64>,
     ) -> Result<Vec<(usize, usize, f64)>, String> {
         let mut entries = Vec::new();
         for member in &self.each {
             let matrix = match &member.basic {
-                Basic::Link(law) => {
-                    let value = of_link(law.as_ref(), member.reach);
-                    let value = value.ok_or_else(|| member.name.clone())?;
-                    widened(&[[value]])
+                Basic::Link(_) | Basic::Bearing(_) => {
+                    member.links(which)[kind].ok_or_else(|| member.name.clone())?
                 }
-                _ => of_member(member),
+                _ if kind == 0 => member.initial(),
+                _ => continue,
             };
             let own = member.place.matrix(&matrix);
             let Some(moving) = member.moving.as_ref().filter(|_| is_stiffness) else {
