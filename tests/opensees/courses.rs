@@ -439,7 +439,6 @@ fn frames_move_as_in_opensees() {
                 worst = (error, format!("{node} {}", direction.word()));
             }
         }
-        eprintln!("{name} {worst:?}");
         assert!(worst.0 < most, "{name}, {}: {:e}", worst.1, worst.0);
         // Axial force and moments at both ends, member after member. A force that is nearly none is compared with the largest of its kind.
         let count = if frame.dimension == 3 { 6 } else { 3 };

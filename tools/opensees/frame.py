@@ -316,13 +316,16 @@ class Model:
         """A bearing whose axis points upwards."""
         (kind, s), = of.items()
         ops.uniaxialMaterial("Elastic", tag, s.get("vertical_stiffness_n_per_m", 1e9))
-        others = ["-P", tag, "-T", tag, "-My", tag, "-Mz", tag, "-orient", 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+        # It does not resist a twist.
+        free = self.new()
+        ops.uniaxialMaterial("Elastic", free, 1.0)
+        others = ["-P", tag, "-T", free, "-My", tag, "-Mz", tag, "-orient", 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
         if kind == "elastomeric":
             first, last = s["stiffness_n_per_m"], s["post_yield_stiffness_n_per_m"]
             ops.element("elastomericBearingPlasticity", tag, start, end, first, s["characteristic_strength_n"], last / first, 0.0, 1.0, *others)
             return
         ops.frictionModel("Coulomb", tag, s["friction_slow"])
-        ops.element("singleFPBearing", tag, start, end, tag, s["radius_m"], s["stiffness_n_per_m"], *others, "-iter", 100, 1e-12)
+        ops.element("singleFPBearing", tag, start, end, tag, s["radius_m"], s["stiffness_n_per_m"], *others, "-iter", 100, 1e-8)
 
 
 def settle(tolerance):

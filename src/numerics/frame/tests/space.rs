@@ -333,3 +333,59 @@ fn mistakes_in_space_name_their_place() {
     );
     assert_eq!(concrete.unwrap().torsion(), 0.0);
 }
+
+/// A mass on a bearing: yielding in any horizontal direction at k and Q, and a lifted pendulum without force.
+#[test]
+fn bearings_stand_between_nodes() {
+    let bearing = |more: &str| -> Result<FrameModel, FrameError> {
+        let text = format!(
+            "dimension = 3\nnode = [{{ name = 'g', at_m = [0, 0, 0], fixed = ['x', 'y', 'z', 'rx', 'ry', 'rz'] }}, \
+             {{ name = 'b', at_m = [0, 0, 0], mass_kg = 1e3, fixed = ['rx', 'ry', 'rz'] }}]\n\
+             link = [{{ nodes = ['g', 'b'], {more} }}]"
+        );
+        toml::from_str::<FrameSpec>(&text).unwrap().model()
+    };
+    let pendulum = "bearing.friction_pendulum = { radius_m = 2, stiffness_n_per_m = 1e6, friction_slow = 0.05, friction_fast = 0.05, \
+                    rate_s_per_m = 0, largest_axial_force_n = 2e4, vertical_stiffness_n_per_m = 1e8 }";
+    let model = bearing(pendulum).unwrap();
+    assert_near(model.stiffness.get(0, 0), 1e6 + 2e4 / 2.0);
+    assert_near(model.stiffness.get(2, 2), 1e8);
+    let mut members = model.members;
+    let mut force = |x: [f64; 3]| {
+        let mut r = [0.0; 3];
+        let (at, none) = ([x[0], x[1], x[2]], [0.0; 3]);
+        let at = At {
+            disp: &at,
+            vel: &none,
+            base: [0.0; 2],
+            dt: 0.01,
+        };
+        members.subtract(0..1, at, crate::linalg::Lanes::best(), &mut r, &mut []);
+        members.commit();
+        r
+    };
+    // 1e4 N: N d/R + 0.05 N against the motion.
+    let found = force([0.06, 0.08, -1e-4]);
+    assert_near(found[0], -0.6 * (500.0 + 500.0));
+    assert_near(found[1], -0.8 * (500.0 + 500.0));
+    assert_near(found[2], 1e4);
+    assert_eq!(force([0.06, 0.08, 1e-3]), [0.0; 3]);
+    for (wrong, key) in [
+        (format!("direction = 'x', {pendulum}"), "direction"),
+        (
+            format!("law.linear = {{ stiffness_n_per_m = 1.0 }}, {pendulum}"),
+            "nodes",
+        ),
+        (format!("record = true, {pendulum}"), "record"),
+        ("direction = 'x'".to_owned(), "nodes"),
+        (
+            "law.linear = { stiffness_n_per_m = 1.0 }".to_owned(),
+            "nodes",
+        ),
+    ] {
+        match bearing(&wrong).unwrap_err() {
+            FrameError::Unfit { key: found, .. } => assert_eq!(found, key, "{wrong}"),
+            other => panic!("{wrong}: {other}"),
+        }
+    }
+}
