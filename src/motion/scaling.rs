@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, positive};
+use super::error::{MotionError, inside, positive};
 use super::metrics::pair::{PairMeasure, pair_spectrum};
 use super::metrics::spectrum::periods;
 use super::process::{Accelerogram, Motion};
@@ -85,6 +85,10 @@ impl Scaled {
     }
 }
 
+/// Natural periods that a motion can be scaled at, s.
+const SHORTEST: f64 = 0.01;
+const LONGEST: f64 = 20.0;
+
 impl Scaling {
     /// The common factor of two horizontal components, whose own targets must be absent. `files` hands over the records of the
     /// first, of the second, and the spectrum.
@@ -139,7 +143,12 @@ impl Scaling {
         let to_si = factor_of("unit", self.unit, Quantity::Acceleration)?;
         match (&self.spectrum_file, self.period_s, self.value) {
             (None, Some(period), Some(value)) => Ok((
-                vec![positive("period_s", period)?],
+                vec![inside(
+                    "period_s",
+                    period,
+                    (SHORTEST..=LONGEST).contains(&period),
+                    "from 0.01 to 20",
+                )?],
                 vec![positive("value", value)? * to_si],
             )),
             (Some(file), None, None) => {

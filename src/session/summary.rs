@@ -6,10 +6,10 @@ use std::time::Duration;
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::reason::{self, last_words};
+use super::rehearsal::beyond_declared;
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Ending, Gaps, Outcome};
 use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::units::quantity;
 use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
@@ -103,7 +103,8 @@ pub(super) fn summarise(
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     warnings.extend(recorded.loss());
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
-    warnings.extend(outcome.map(beyond_declared).into_iter().flatten());
+    let beyond = outcome.map(|outcome| outcome.beyond_declared.iter());
+    warnings.extend(beyond.into_iter().flatten().map(beyond_declared));
     warnings.extend(outcome.map(held).into_iter().flatten());
     warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
@@ -172,19 +173,6 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
         )
     };
     each.map(sentence).collect()
-}
-
-/// Corotational members that λ was not chosen for, in sentences.
-fn beyond_declared(outcome: &Outcome) -> Vec<String> {
-    let sentence = |(name, [tension, rotation]): &(String, [f64; 2])| {
-        format!(
-            "{name} went beyond what λ was chosen for: its tension reached {} and its rotation {}; declare both as \
-             `corotational = {{ largest_tension_n = …, largest_rotation_rad = … }}`",
-            quantity(*tension, "N"),
-            quantity(*rotation, "rad")
-        )
-    };
-    outcome.beyond_declared.iter().map(sentence).collect()
 }
 
 /// Ticks without a command, in a sentence.

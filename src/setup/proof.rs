@@ -404,7 +404,7 @@ fn bounds(
             Some(index) => path("structure").key("element").index(index),
             None => path("specimen"),
         };
-        let help = "declare a `damping_ratio`, or `linear_below_m_per_s` for a power damper";
+        let help = "declare a `damping_ratio`, or `linear_below_m_per_s` for a power damper; or give `integrator.lambda` as a number, without a proof";
         return Err(Box::new(Finding::error(at, text).help(help)));
     }
     Ok(Bounds {

@@ -115,7 +115,7 @@ pub enum FrameError {
     },
     /// A hinge whose law has no stiffness at rest, may be stiffer later, or damps.
     #[error(
-        "hinge \"{name}\" needs the law `linear`, `bilinear`, `bouc_wen`, `imk`, `hysteretic` or `pinching4`, with a stiffness at rest that no later one exceeds, and without damping"
+        "hinge \"{name}\" needs the law `linear`, `bilinear`, `bouc_wen` or `imk`, with a stiffness at rest that no later one exceeds, and without damping"
     )]
     NotAHinge {
         /// Its name.

@@ -462,15 +462,11 @@ impl FrameSpec {
         let stiffness = law.reference().stiffness;
         // Laws whose tangent is never above the first one, and whose steepest fall is known.
         let is_bounded = match spec {
-            LawSpec::Linear(_)
-            | LawSpec::Bilinear(_)
-            | LawSpec::BoucWen(_)
-            | LawSpec::Imk(_)
-            | LawSpec::Hysteretic(_)
-            | LawSpec::Pinching4(_) => law
-                .bound(Reach::default())
-                .0
-                .is_some_and(|bound| bound <= stiffness),
+            LawSpec::Linear(_) | LawSpec::Bilinear(_) | LawSpec::BoucWen(_) | LawSpec::Imk(_) => {
+                law.bound(Reach::default())
+                    .0
+                    .is_some_and(|bound| bound <= stiffness)
+            }
             _ => false,
         };
         if !is_bounded || stiffness <= 0.0 || !stiffness.is_finite() || law.resists_velocity() {

@@ -11,6 +11,16 @@ use gusset_quantity::units::quantity;
 /// Part of a tick that its computation may need before a warning: the loop must be able to catch up.
 const MUCH: f64 = 0.5;
 
+/// A corotational member that λ was not chosen for, in a sentence.
+pub(crate) fn beyond_declared((name, [tension, rotation]): &(String, [f64; 2])) -> String {
+    format!(
+        "{name} goes beyond what λ was chosen for: its tension reaches {} and its rotation {}; declare both as \
+         `corotational = {{ largest_tension_n = …, largest_rotation_rad = … }}`",
+        quantity(*tension, "N"),
+        quantity(*rotation, "rad")
+    )
+}
+
 impl Rehearsal {
     /// Every limit that the test would meet, at its place in the file: a trip is an error, a warning a warning.
     #[must_use]
@@ -31,6 +41,10 @@ impl Rehearsal {
             findings.extend(nearly_singular(needs, index));
             findings.extend(unsettled(loaded, needs, index));
         }
+        findings.extend(self.beyond_declared.iter().map(|member| {
+            let at = KeyPath::root().key("structure").key("frame");
+            Finding::error(at, beyond_declared(member))
+        }));
         findings.extend(self.end(loaded));
         findings.extend(self.slow(loaded));
         findings

@@ -32,6 +32,7 @@ pub(crate) use capacity::NEEDS;
 pub use capacity::Used;
 pub(crate) use drift::large_drift;
 pub use errors::errors;
+pub(crate) use findings::beyond_declared;
 pub use hold::Held;
 pub(crate) use hold::rehearse_hold;
 pub use meter::{AxisNeed, Extreme};
@@ -202,6 +203,8 @@ pub struct Rehearsal {
     pub tick_s: Option<f64>,
     /// One entry per specimen.
     pub specimens: Vec<Needs>,
+    /// Name of each corotational member that went beyond its declared tension or rotation, with its largest ones in N and rad.
+    pub beyond_declared: Vec<(String, [f64; 2])>,
 }
 
 impl Rehearsal {
@@ -344,7 +347,7 @@ fn carry_out_with(
     let known: Vec<_> = ports
         .map(|port| (port.name().to_owned(), port.guard().declared().to_vec()))
         .collect();
-    let (outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
+    let (mut outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
     let seen = needs.into_iter().zip(poses);
     let counts = outcome.ports.iter().map(|port| port.2.unsettled);
     let specimens = known.into_iter().zip(seen).zip(counts).map(
@@ -364,6 +367,7 @@ fn carry_out_with(
     Rehearsal {
         time: outcome.steps as f64 * dt,
         ending: outcome.ending,
+        beyond_declared: std::mem::take(&mut outcome.beyond_declared),
         specimens: specimens.collect(),
         peak_disp: outcome
             .peaks

@@ -174,8 +174,9 @@ impl Law for Hysteretic {
         Tangent::elastic(positive.stiffness().max(negative.stiffness()))
     }
 
+    /// No bound: a path that unloads beyond the other target is steep there.
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
-        (Some(self.reference().stiffness), Some(0.0))
+        (Some(f64::INFINITY), Some(0.0))
     }
 }
 
