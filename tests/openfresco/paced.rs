@@ -160,7 +160,7 @@ fn closing_client_leaves_specimen_at_rest() {
 #[test]
 fn late_targets_replay_with_an_adaptive_compensator() {
     let adaptive = "ats = { delay_s = 0.015, window_s = 0.1, least_motion_m = 1e-5 }";
-    let pace = "ticks_per_step = 20, rate_hz = 1000";
+    let pace = "ticks_per_step = 20, rate_hz = 250";
     let bench = Bench::speaking("openfresco", pace, "", adaptive);
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=60_i32 {
