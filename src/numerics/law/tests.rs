@@ -407,13 +407,14 @@ proptest! {
         }
     }
 
-    /// The straight path decides, not the steps on it. No tangent exceeds its bound on the way, and no fall the steepest one.
+    /// The straight path decides, not the steps on it. No tangent exceeds its bound on the way, and no fall of a hinge the steepest one.
     #[test]
     fn one_step_equals_its_parts(turns in prop::collection::vec(-8e-3..8e-3f64, 1..24), pieces in 2..9u32) {
         for (name, spec) in of_displacement() {
             let (mut whole, mut parts) = (spec.build().unwrap(), spec.build().unwrap());
             let bound = whole.bound(REACH).0.unwrap() * (1.0 + 1e-9);
-            let softens = name.starts_with("hinge") || name.contains("lines") || name.contains("corners");
+            // Pinched laws claim no bound: see `Hysteretic` and `Pinching4`.
+            let softens = name.starts_with("hinge");
             let steepest = -whole.steepest_softening() * (1.0 + 1e-9) - 1e-3;
             let mut from = 0.0;
             for turn in &turns {
