@@ -1,6 +1,6 @@
 //! Several components of a ground acceleration: their common factor, and mistakes in them.
 
-use crate::common::refusal::pictured;
+use crate::common::refusal::{pictured, refusal};
 use crate::common::test_file::TestFile;
 use crate::common::{Said, say, write};
 use gusset_motion::STANDARD_GRAVITY;
@@ -147,17 +147,7 @@ fn single_table_keeps_its_overrides() {
 
 #[test]
 fn wrong_components_are_refused() {
-    let refused = |text: &str, words: &[&str]| {
-        let said = check(text, &["--no-rehearsal"]);
-        assert_eq!(said.code, Some(2), "{}", said.stdout);
-        for word in words {
-            assert!(
-                said.stderr.contains(word),
-                "no {word:?} in\n{}",
-                said.stderr
-            );
-        }
-    };
+    let refused = |text: &str, words: &[&str]| refusal(&check(text, &["--no-rehearsal"]), words);
     let second = "excitation.ground_acceleration[1]";
     let bare = PLAN.replace("direction = \"y\"\ninfluence = [0, 1, 0]\n", "");
     refused(&bare, &[second, "neither `direction` nor `influence`"]);

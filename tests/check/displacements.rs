@@ -1,5 +1,6 @@
 //! Displacements that are made of records of acceleration.
 
+use crate::common::refusal::refusal;
 use crate::common::test_file::TestFile;
 use crate::common::{Said, say, write};
 use serde_json::Value;
@@ -71,17 +72,7 @@ fn corner_and_losses_are_reported() {
 
 #[test]
 fn wrong_displacements_are_refused() {
-    let refused = |text: &str, words: &[&str]| {
-        let said = check(text, &["--no-rehearsal"]);
-        assert_eq!(said.code, Some(2), "{}", said.stdout);
-        for word in words {
-            assert!(
-                said.stderr.contains(word),
-                "no {word:?} in\n{}",
-                said.stderr
-            );
-        }
-    };
+    let refused = |text: &str, words: &[&str]| refusal(&check(text, &["--no-rehearsal"]), words);
     refused(&TABLE.replace("0.04", "1e-9"), &["`stroke_m`", "corner"]);
     refused(&TABLE.replace("0.04", "-1"), &["stroke_m", "-1"]);
     refused(&TABLE.replace("\"g\"", "\"mm\""), &["mm", "acceleration"]);

@@ -1,5 +1,6 @@
 //! Motions of single supports: mistakes in them, and what `check` says of them.
 
+use crate::common::refusal::refusal;
 use crate::common::test_file::TestFile;
 use crate::common::{Said, say, write};
 
@@ -56,17 +57,7 @@ fn moving_support_is_reported() {
 
 #[test]
 fn impossible_support_motions_are_refused() {
-    let refused = |text: &str, words: &[&str]| {
-        let said = check(text);
-        assert_eq!(said.code, Some(2), "{}", said.stdout);
-        for word in words {
-            assert!(
-                said.stderr.contains(word),
-                "no {word:?} in\n{}",
-                said.stderr
-            );
-        }
-    };
+    let refused = |text: &str, words: &[&str]| refusal(&check(text), words);
     let node = |name: &str| PORTAL.replace("node = \"D\"\n", &format!("node = \"{name}\"\n"));
     refused(
         &node("X"),

@@ -42,6 +42,16 @@ pub fn plain(said: &Said) {
     }
 }
 
+/// The command refused the file, and its message says all `words`.
+#[track_caller]
+pub fn refusal(said: &Said, words: &[&str]) {
+    assert_eq!(said.code, Some(2), "{}", said.stdout);
+    for word in words {
+        let stderr = &said.stderr;
+        assert!(stderr.contains(word), "no {word:?} in\n{stderr}");
+    }
+}
+
 /// The picture shows `line` of the test file with carets under exactly `under`, and says all `words`.
 #[track_caller]
 pub fn pictured(stderr: &str, text: &str, line: &str, under: &str, words: &[&str]) {

@@ -1,6 +1,6 @@
 //! From a description to M, K and the static load of the free directions.
 
-use super::error::listed;
+use super::error::{finite, listed};
 use super::inelastic::{Members, with};
 use super::model::{FrameModel, Motion, influence};
 use super::parts::{Part, PartKind};
@@ -128,16 +128,7 @@ impl FrameSpec {
             });
         }
         for (out, &found) in out.iter_mut().zip(given) {
-            if !found.is_finite() {
-                let allowed = "finite";
-                return Err(FrameError::Value {
-                    at,
-                    key,
-                    found,
-                    allowed,
-                });
-            }
-            *out = found;
+            *out = finite(at, key, found)?;
         }
         Ok(out)
     }
@@ -336,15 +327,7 @@ impl FrameSpec {
                 if found != 0.0 {
                     self.in_frame(at, key, direction)?;
                 }
-                if !found.is_finite() {
-                    let allowed = "finite";
-                    return Err(FrameError::Value {
-                        at,
-                        key,
-                        found,
-                        allowed,
-                    });
-                }
+                finite(at, key, found)?;
                 for (dof, share) in motion {
                     load[*dof] += share * found;
                 }

@@ -228,6 +228,23 @@ pub enum FrameError {
     },
 }
 
+/// A number that must be finite.
+pub(super) fn finite(
+    at: (&'static str, usize),
+    key: &'static str,
+    found: f64,
+) -> Result<f64, FrameError> {
+    if found.is_finite() {
+        return Ok(found);
+    }
+    Err(FrameError::Value {
+        at,
+        key,
+        found,
+        allowed: "finite",
+    })
+}
+
 /// Names for a message.
 pub(super) fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
     let names: Vec<&str> = names.map(String::as_str).take(12).collect();

@@ -1,7 +1,7 @@
 //! Members and links of a description as parts between degrees of freedom.
 
 use super::corotation::Corotation;
-use super::error::listed;
+use super::error::{finite, listed};
 use super::fibre::Fibres;
 use super::inelastic::{self, Basic, Declared, HingeLaw, Moving, Place};
 use super::member::{Beside, Chord, ChordInSpace, Matrix};
@@ -398,13 +398,8 @@ impl FrameSpec {
         for (place, node) in places.iter_mut().zip(nodes) {
             *place = self.coordinates(("node", node), "at_m", &self.node[node].at_m, false)?;
         }
-        if let Some(found) = orientation.iter().flatten().find(|x| !x.is_finite()) {
-            return Err(FrameError::Value {
-                at,
-                key: "orientation",
-                found: *found,
-                allowed: "finite",
-            });
+        for found in orientation.iter().flatten() {
+            finite(at, "orientation", *found)?;
         }
         let flat = |all: [[f64; 3]; 2]| all.map(|[x, y, _]| [x, y]);
         Ok(match self.dimension {

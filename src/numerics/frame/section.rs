@@ -184,7 +184,7 @@ impl<'a> Reader<'a> {
                         weak: depth * cube(width) / 12.0,
                         torsion,
                     },
-                    (s.young_pa, &s.material),
+                    s.young_pa,
                 );
             }
             SectionSpec::IShape(s) => {
@@ -212,7 +212,7 @@ impl<'a> Reader<'a> {
                         weak: (2.0 * flange * cube(width) + clear * cube(web)) / 12.0,
                         torsion: (2.0 * width * cube(flange) + clear * cube(web)) / 3.0,
                     },
-                    (s.young_pa, &s.material),
+                    s.young_pa,
                 );
             }
             SectionSpec::Circle(s) => {
@@ -331,7 +331,7 @@ impl<'a> Reader<'a> {
                 weak: inertia,
                 torsion: 2.0 * inertia,
             },
-            of,
+            of.0,
         );
         Ok(())
     }
@@ -361,7 +361,7 @@ impl<'a> Reader<'a> {
     }
 
     /// An elastic shape of this area, these second moments of area and this torsion constant. One of a material twists elastically.
-    fn elastic(&mut self, shape: Rigidity, (young, _): (Option<f64>, &Option<String>)) {
+    fn elastic(&mut self, shape: Rigidity, young: Option<f64>) {
         let of_material = self.section.materials.first();
         let stiffness = young.or_else(|| of_material.map(Material::initial_stiffness));
         let torsion = stiffness.unwrap_or(0.0) / SHEAR * shape.torsion;

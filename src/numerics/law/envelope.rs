@@ -42,6 +42,16 @@ pub(super) struct Envelope<const N: usize> {
     pub(super) beyond: f64,
 }
 
+/// The smaller force of both first corners.
+pub(super) fn yield_force(
+    positive: &[EnvelopePointSpec],
+    negative: Option<&[EnvelopePointSpec]>,
+) -> Option<f64> {
+    let first = |list: &[EnvelopePointSpec]| list.first().map(|corner| corner.force_n);
+    let positive = first(positive)?;
+    Some(positive.min(negative.and_then(first).unwrap_or(positive)))
+}
+
 /// Checks the corners of one direction.
 pub(super) fn corners<const N: usize>(
     list: &'static str,

@@ -83,8 +83,8 @@ impl Stateful for Member {
             moving.moved.iter_mut().for_each(|x| visit.number(x));
             visit.number(&mut moving.largest);
             visit.number(&mut moving.least);
-            moving.turn();
-            moving.note(&self.answer.force);
+            let disp = moving.turn();
+            moving.note(disp[0], &self.answer.force);
         }
     }
 }
@@ -98,7 +98,6 @@ pub(super) struct Moving {
     base: [f64; 12],
     /// Those of the last trial.
     moved: [f64; 12],
-    disp: [f64; 6],
     place: Place,
     /// Of its degrees of freedom: how much less than its ends the chord turns.
     turns: Vec<[f64; 2]>,
@@ -149,7 +148,6 @@ impl Moving {
             columns,
             base,
             moved: [0.0; 12],
-            disp: [0.0; 6],
             place: place.clone(),
             forces: [0.0; 3],
             declared,
@@ -170,27 +168,26 @@ impl Moving {
                 *moved += share * by;
             }
         }
-        self.turn();
-        self.disp
+        self.turn()
     }
 
-    /// Rows at `moved`. Real-time: yes.
-    fn turn(&mut self) {
+    /// The rows and the deformations at `moved`. Real-time: yes.
+    fn turn(&mut self) -> [f64; 6] {
         let (disp, slopes) = self.of.at(&self.moved);
         let turns = self.of.turns(&slopes);
         self.cosine = self.of.cosine(&slopes);
-        self.disp = disp;
         let places = self.place.rows.iter_mut().zip(&mut self.turns);
         for ((row, turn), column) in places.zip(&self.columns) {
             *row = product_of(&slopes, column);
             *turn = product_of(&turns, column);
         }
+        disp
     }
 
-    /// Takes the forces there. Real-time: yes.
-    fn note(&mut self, force: &[f64; 6]) {
+    /// Takes the forces there, with the elongation. Real-time: yes.
+    fn note(&mut self, stretch: f64, force: &[f64; 6]) {
         let [axial, start, end, weak_start, weak_end, _] = force;
-        let length = self.of.length(self.disp[0]);
+        let length = self.of.length(stretch);
         self.forces = [
             axial * length,
             (start + end) / length,
@@ -476,6 +473,15 @@ impl Member {
             .map_or(&self.place, |moving| &moving.place)
     }
 
+    /// Entries of a tangent over its deformations, and of its forces where it moves far; each beside the diagonal once. Real-time: yes, if
+    /// `to` is.
+    fn spread_tangent(&self, tangent: &Sym<6>, to: &mut dyn FnMut(usize, usize, f64)) {
+        self.now().spread_matrix(tangent, &mut *to);
+        if let Some(moving) = &self.moving {
+            moving.spread_forces(to);
+        }
+    }
+
     /// K of the virgin member.
     fn initial(&self) -> Sym<6> {
         with(self.basic.initial(), self.beside.as_ref())
@@ -608,7 +614,7 @@ impl Members {
                 beside.stiffen(&mut member.answer.stiffness);
             }
             if let Some(moving) = &mut member.moving {
-                moving.note(&member.answer.force);
+                moving.note(member.disp[0], &member.answer.force);
             }
             let place = member.now();
             place.spread(&member.answer.force, |dof, force| {
@@ -726,10 +732,7 @@ impl Members {
         for member in &self.each {
             let mut tangent = member.answer.stiffness;
             tangent[0][0] += member.answer.damping / dt;
-            member.now().spread_matrix(&tangent, &mut *to);
-            if let Some(moving) = &member.moving {
-                moving.spread_forces(&mut *to);
-            }
+            member.spread_tangent(&tangent, to);
         }
     }
 
@@ -791,12 +794,7 @@ impl Members {
         let mut entries = Vec::new();
         let mut push = |i: usize, j: usize, value| entries.push((i.min(j), i.max(j), value));
         for member in &self.each {
-            member
-                .now()
-                .spread_matrix(&member.answer.stiffness, &mut push);
-            if let Some(moving) = &member.moving {
-                moving.spread_forces(&mut push);
-            }
+            member.spread_tangent(&member.answer.stiffness, &mut push);
         }
         entries
     }

@@ -7,7 +7,8 @@
 //! So one step equals any number of partial steps.
 //!
 //! The law differs from OpenSees where a line of reloading would be steeper than the unloading stiffness: it then rises with that
-//! stiffness up to the envelope, so that the force never jumps and the tangent has a bound.
+//! stiffness up to the envelope. With a large β an unloading line may end beyond the target of the other direction. The force then
+//! jumps to the envelope there, as in OpenSees, so the tangent has no bound.
 
 mod path;
 
@@ -91,10 +92,7 @@ impl HystereticSpec {
 
     /// The smaller force of both first corners.
     pub(super) fn yield_force(&self) -> Option<f64> {
-        let first = |list: &[EnvelopePointSpec]| list.first().map(|corner| corner.force_n);
-        let positive = first(&self.positive)?;
-        let negative = self.negative.as_deref().and_then(first);
-        Some(positive.min(negative.unwrap_or(positive)))
+        envelope::yield_force(&self.positive, self.negative.as_deref())
     }
 }
 

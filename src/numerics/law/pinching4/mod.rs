@@ -177,10 +177,7 @@ impl Pinching4Spec {
 
     /// The smaller force of both first corners.
     pub(super) fn yield_force(&self) -> Option<f64> {
-        let first = |list: &[EnvelopePointSpec]| list.first().map(|corner| corner.force_n);
-        let positive = first(&self.positive)?;
-        let negative = self.negative.as_deref().and_then(first);
-        Some(positive.min(negative.unwrap_or(positive)))
+        envelope::yield_force(&self.positive, self.negative.as_deref())
     }
 }
 
