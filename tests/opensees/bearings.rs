@@ -9,10 +9,15 @@ use serde_json::Value;
 use crate::programs::python;
 
 /// Our bearing, and that of OpenSees. Its stiffness of the pendulum contains N/R.
-const BEARINGS: [(&str, &str); 2] = [
+const BEARINGS: [(&str, &str); 3] = [
     (
         "bearing.elastomeric = { stiffness_n_per_m = 1.1e6, characteristic_strength_n = 1e3, post_yield_stiffness_n_per_m = 1e5 }",
         "elastomericBearingPlasticity:1.1e6,1e3,0.09090909090909091,0,1",
+    ),
+    (
+        "bearing.elastomeric = { stiffness_n_per_m = 1.1e6, characteristic_strength_n = 1e3, post_yield_stiffness_n_per_m = 1e5, \
+         smooth = true }",
+        "elastomericBearingBoucWen:1.1e6,1e3,0.09090909090909091,0,1,2,0.5,0.5",
     ),
     (
         "bearing.friction_pendulum = { radius_m = 2, stiffness_n_per_m = 1e6, friction_slow = 0.05, friction_fast = 0.05, rate_s_per_m = 0, \

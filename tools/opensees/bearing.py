@@ -2,6 +2,7 @@
 """Horizontal forces of an OpenSees bearing along a path in two directions.
 
     bearing.py elastomericBearingPlasticity:1.1e6,1e3,0.09,0,1 < PATH
+    bearing.py elastomericBearingBoucWen:1.1e6,1e3,0.09,0,1,2,0.5,0.5 < PATH
     bearing.py singleFPBearing:0.05,2.0,1e6,2e4 < PATH        (friction, radius, stiffness, axial force)
 
 Standard input is a JSON list of [x, y]. Prints one line of JSON: {"forces": [[x, y], ...]}

@@ -106,6 +106,14 @@ fn check_components(file: &TestFile, findings: &mut Findings) {
     if file.excitation.incident_angle_deg.is_none() {
         return;
     }
+    if file
+        .excitation
+        .incident_angle_deg
+        .is_some_and(|angle| !(-360.0..=360.0).contains(&angle))
+    {
+        let headline = "`excitation.incident_angle_deg` must be from -360 to 360";
+        findings.push(Finding::error(at.key("incident_angle_deg"), headline));
+    }
     let count = |wanted| {
         let has = |one: &&GroundComponent| one.direction == Some(wanted);
         all.iter().filter(has).count()

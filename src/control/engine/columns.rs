@@ -13,8 +13,9 @@ use super::tick::Tick;
 use crate::port::Port;
 use gusset_quantity::catalog::column::{
     ACCEL, BASE, CAUSES, DISP, END_MOMENT, END_ROTATION, GROUND, GROUND_COMPONENT, HEAD, Kind,
-    MEMBER_FORCE, OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, TORQUE,
-    TWIST, VEL, WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
+    MEMBER_FORCE, MEMBER_FORCE_Y, MEMBER_FORCE_Z, OWN_ACCEL, ROTATION, START_MOMENT,
+    START_ROTATION, STRETCH, STRETCH_Y, STRETCH_Z, TIMING, TORQUE, TWIST, VEL, WEAK_END_MOMENT,
+    WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
@@ -128,10 +129,21 @@ fn member_columns(columns: &mut Vec<Column>, side: &Side) -> Range<usize> {
                 &WEAK_END_MOMENT,
                 &TORQUE,
             ];
-            let (kinds, turns): (&[&Kind], bool) = match member.link_turns() {
-                Some(turns) => (&of_link, turns),
-                None if member.count() > 3 => (&in_space, false),
-                None => (&of_member, false),
+            let of_bearing = [
+                &STRETCH,
+                &STRETCH_Y,
+                &STRETCH_Z,
+                &MEMBER_FORCE,
+                &MEMBER_FORCE_Y,
+                &MEMBER_FORCE_Z,
+            ];
+            let of_two = [&STRETCH, &STRETCH_Y, &MEMBER_FORCE, &MEMBER_FORCE_Y];
+            let (kinds, turns): (&[&Kind], bool) = match (member.link_turns(), member.axes()) {
+                (Some(turns), 1) => (&of_link, turns),
+                (Some(_), 2) => (&of_two, false),
+                (Some(_), _) => (&of_bearing, false),
+                (None, axes) if axes > 3 => (&in_space, false),
+                (None, _) => (&of_member, false),
             };
             columns.extend(kinds.iter().map(|kind| Column {
                 unit: kind.unit_of(turns).into(),

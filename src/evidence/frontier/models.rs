@@ -16,8 +16,8 @@ use gusset_numerics::integrate::{
 };
 use gusset_numerics::linalg::NotPositiveDefinite;
 use gusset_numerics::model::{
-    self, Acceleration, BuildError, DampingSpec, MatrixFiles, RayleighSpec, Structure,
-    StructureSpec,
+    self, Acceleration, BuildError, DampingSpec, MatrixFiles, RayleighSpec, StiffnessPart,
+    Structure, StructureSpec,
 };
 
 /// A model that comes in any size.
@@ -178,6 +178,7 @@ pub fn moment_frame(columns: usize, storeys: usize) -> FrameSpec {
         at_m: vec![6.0 * column as f64, 3.5 * storey as f64],
         mass_kg: if storey > 0 { 10e3 } else { 0.0 },
         rotary_mass_kg_m2: 0.0,
+        massless: Vec::new(),
         tilting_mass_kg_m2: [0.0; 2],
         fixed: match storey {
             0 => Direction::PLANE.to_vec(),
@@ -230,6 +231,7 @@ fn frame(columns: usize, storeys: usize) -> Result<Structure, ModelError> {
     let damping = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: MASS_DAMPING,
         stiffness_coefficient_s: 0.0,
+        stiffness_part: StiffnessPart::default(),
     });
     Ok(spec.build(Some(&damping), &[], None, &MatrixFiles::new())?)
 }

@@ -44,7 +44,11 @@ impl FrameSpec {
                 return Err(FrameError::NotInPlane { at, key, direction });
             }
             let m = node.mass_kg;
-            let of_direction = [m, m, m, about_x, about_y, node.rotary_mass_kg_m2];
+            let mut of_direction = [m, m, m, about_x, about_y, node.rotary_mass_kg_m2];
+            for direction in &node.massless {
+                self.in_frame(("node", index), "massless", *direction)?;
+                of_direction[*direction as usize] = 0.0;
+            }
             for (motion, value) in motions.iter().zip(of_direction) {
                 mass.extend(square(motion, value));
             }

@@ -524,9 +524,6 @@ impl FrameSpec {
             }
             (None, None, Some(bearing)) => {
                 self.in_frame(at, "bearing", Direction::Z)?;
-                if spec.record {
-                    return Err(unfit("record", "is a bearing and cannot be recorded"));
-                }
                 let axes = bearing.axes();
                 let built = bearing.build(axes).map_err(wrong)?;
                 let directions = [Direction::X, Direction::Y, Direction::Z];

@@ -33,6 +33,8 @@ pub(super) struct Section {
 
 /// Most fibres over the depth of a shape.
 const MOST_LAYERS: usize = 200;
+/// Largest number of fibres of a section.
+const MOST_FIBRES: usize = 4000;
 
 impl Section {
     /// That of an elastic member: the sum over its fibres. `None` if these bend where they are only stretched, or about both axes at
@@ -134,6 +136,14 @@ impl FrameSpec {
             numbers: BTreeMap::new(),
         };
         reader.read(spec)?;
+        let count = reader.section.fibres.len();
+        if count > MOST_FIBRES {
+            let key = match spec {
+                SectionSpec::Fibres(_) => "fibres",
+                _ => "layers_across",
+            };
+            return Err(reader.wrong(key, count as f64, "at most 4000 fibres in the section"));
+        }
         Ok(reader.section)
     }
 }

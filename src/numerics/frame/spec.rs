@@ -92,6 +92,10 @@ pub struct NodeSpec {
     #[serde(default)]
     #[schemars(example = 30e3)]
     pub mass_kg: f64,
+    /// Directions in which `mass_kg` has no inertia. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(example = ["y"])]
+    pub massless: Vec<Direction>,
     /// Mass moment of inertia about z. Default: 0.
     #[serde(default)]
     #[schemars(example = 500.0)]

@@ -6,6 +6,9 @@
 //!
 //! The hysteretic force q is elastic within a circle of radius Q. On the circle it turns towards the direction of motion: the angle
 //! θ between both follows tan(θ/2) = tan(θ₀/2) exp(−k s/Q) over the way s. So one step equals any number of partial steps.
+//!
+//! A smooth core follows Park, Wen & Ang 1986, Earthquake Engng Struct. Dyn. 14(4), with the exponent 2 and β = γ = ½: z = q/Q has
+//! dz = (k/Q) (I − z zᵀ) dx where z · dx > 0, and dz = (k/Q) dx elsewhere. Both have a closed form along a straight path.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,6 +45,11 @@ pub struct ElastomericSpec {
     #[serde(default)]
     #[schemars(example = 1.0e4)]
     pub damping_n_s_per_m: f64,
+    /// If true, the core yields gradually, after Bouc and Wen in two directions with the exponent 2 and β = γ = ½.
+    /// Default: false, it is elastic up to Q_d.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
+    pub smooth: bool,
 }
 
 /// Friction pendulum: the restoring force is N d/R, and the friction μ N acts against the motion.
@@ -155,6 +163,7 @@ impl ElastomericSpec {
             strength: positive("characteristic_strength_n", self.characteristic_strength_n)?,
             rubber,
             damping: not_negative("damping_n_s_per_m", self.damping_n_s_per_m)?,
+            smooth: self.smooth,
         })
     }
 }
@@ -199,6 +208,7 @@ enum Kind {
         strength: f64,
         rubber: f64,
         damping: f64,
+        smooth: bool,
     },
     Pendulum {
         radius: f64,
@@ -309,6 +319,40 @@ impl Slider {
     }
 }
 
+impl Slider {
+    /// The slider at `disp` with the force of a smooth core, and z where it yields: the tangent is k (I − z zᵀ).
+    fn flowed(
+        self,
+        disp: [f64; 2],
+        stiffness: f64,
+        strength: f64,
+    ) -> (Self, [f64; 2], Option<[f64; 2]>) {
+        let travel = [0, 1].map(|i| disp[i] - self.disp[i]);
+        let whole = length(travel);
+        let start = [0, 1].map(|i| stiffness * (self.disp[i] - self.rest[i]) / strength);
+        let ahead = if whole > 0.0 {
+            travel.map(|travel| travel / whole)
+        } else {
+            [1.0, 0.0]
+        };
+        // Elastic until z has no part against the motion; the rest of the way is τ = k s/Q.
+        let (mut along, mut way) = (dot(start, ahead), stiffness * whole / strength);
+        let across = [0, 1].map(|i| start[i] - along * ahead[i]);
+        let elastic = way.min((-along).max(0.0));
+        along += elastic;
+        way -= elastic;
+        let share = libm::tanh(way);
+        let flowed = (along + share) / (1.0 + along * share);
+        // Beyond 700 the hyperbolic functions are infinite.
+        let far = way.min(700.0);
+        let rest = 1.0 / (libm::cosh(far) + along * libm::sinh(far));
+        let z = [0, 1].map(|i| flowed * ahead[i] + rest * across[i]);
+        let force = z.map(|z| strength * z);
+        let rest = [0, 1].map(|i| disp[i] - force[i] / stiffness);
+        (Self { disp, rest }, force, (flowed >= 0.0).then_some(z))
+    }
+}
+
 /// First two entries.
 fn horizontal(values: &[f64]) -> [f64; 2] {
     [0, 1].map(|i| values.get(i).copied().unwrap_or(f64::NAN))
@@ -389,6 +433,7 @@ impl Bearing {
                 strength,
                 rubber,
                 damping,
+                ..
             } => (core, strength, rubber, damping, None),
             Kind::Pendulum {
                 radius,
@@ -408,7 +453,12 @@ impl Bearing {
                 (stiffness, friction * normal, normal / radius, 0.0, axial)
             }
         };
-        let (slider, core, normal) = self.committed.moved(at, stiffness, strength);
+        let (slider, core, normal) = match self.kind {
+            Kind::Elastomeric { smooth: true, .. } => {
+                self.committed.flowed(at, stiffness, strength)
+            }
+            _ => self.committed.moved(at, stiffness, strength),
+        };
         self.trial = slider;
         let held = if strength > 0.0 { stiffness } else { 0.0 };
         let normal = normal.unwrap_or_default();
@@ -508,6 +558,7 @@ mod tests {
         characteristic_strength_n: 1e3,
         post_yield_stiffness_n_per_m: 1e5,
         damping_n_s_per_m: 0.0,
+        smooth: false,
     };
     const PENDULUM: FrictionPendulumSpec = FrictionPendulumSpec {
         radius_m: 2.0,
@@ -521,6 +572,14 @@ mod tests {
 
     fn rubber() -> Bearing {
         BearingSpec::Elastomeric(RUBBER).build(2).unwrap()
+    }
+
+    fn smooth() -> Bearing {
+        let spec = ElastomericSpec {
+            smooth: true,
+            ..RUBBER
+        };
+        BearingSpec::Elastomeric(spec).build(2).unwrap()
     }
 
     fn pendulum(vertical: Option<f64>) -> Bearing {
@@ -576,6 +635,39 @@ mod tests {
             2.0 * half / (1.0 + half * half),
         );
         assert_near(found, [500.0 + 1e3 * sine, 130.0 + 1e3 * cosine]);
+    }
+
+    /// From rest q = Q tanh(k x/Q); back it is elastic up to q = 0. A path across it turns the force.
+    #[test]
+    fn smooth_core_has_its_closed_form() {
+        let mut bearing = smooth();
+        let yielding = 1e3 * f64::tanh(1.5);
+        assert_near(
+            step(&mut bearing, [1.5e-3, 0.0], [0.0; 2]),
+            [150.0 + yielding, 0.0],
+        );
+        let sideways = [1.5e-3, 0.8e-3];
+        assert_near(
+            step(&mut bearing, sideways, [0.0; 2]),
+            [
+                150.0 + yielding / f64::cosh(0.8),
+                80.0 + 1e3 * f64::tanh(0.8),
+            ],
+        );
+        let mut bearing = smooth();
+        step(&mut bearing, [1.5e-3, 0.0], [0.0; 2]);
+        assert_near(
+            step(&mut bearing, [1.0e-3, 0.0], [0.0; 2]),
+            [100.0 + yielding - 500.0, 0.0],
+        );
+        step(&mut bearing, [1.0, 0.0], [0.0; 2]);
+        assert_near(
+            step(&mut bearing, [-1.0, 1.0], [0.0; 2]),
+            [
+                -1e5 - 1e3 * 2.0 / f64::sqrt(5.0),
+                1e5 + 1e3 / f64::sqrt(5.0),
+            ],
+        );
     }
 
     #[test]
@@ -644,7 +736,7 @@ mod tests {
         /// The straight path decides, not the steps on it. A closed path gives nothing out.
         #[test]
         fn one_step_equals_its_parts(turns in prop::collection::vec((-0.02..0.02f64, -0.02..0.02f64), 1..20), pieces in 2..7u32) {
-            for make in [rubber, || pendulum(None)] {
+            for make in [rubber, smooth, || pendulum(None)] {
                 let (mut whole, mut parts) = (make(), make());
                 let (mut from, mut energy) = ([0.0; 2], 0.0);
                 let mut last = [0.0; 2];

@@ -141,7 +141,8 @@ impl Law for Pounding {
         let (elastic, slope) = self.hertz(penetration);
         let within = self.hertz(penetration.min(self.largest)).0;
         let ratio = approach / self.trial.began_at;
-        let force = elastic + self.loss * ratio.min(1.0) * within;
+        // 0 for every number, NaN for NaN and ∞: a lost velocity must not pass for a slow one.
+        let force = elastic + self.loss * ratio.min(1.0) * within + 0.0 * vel;
         if force > 0.0 {
             let grows = if penetration < self.largest {
                 slope
@@ -253,5 +254,6 @@ mod tests {
         law.trial(-0.011_999_999, -0.02, 0.01);
         assert!((law.tangent().stiffness / stiffness.unwrap() - 1.0).abs() < 1e-6);
         assert!(law.trial(-0.011_999_999, 10.0, 0.01) <= 0.0);
+        assert!(law.trial(-0.011_999_999, f64::NAN, 0.01).is_nan());
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::damping::damping_matrix;
 use super::{
     BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
-    ModelError, ShearBuildingSpec, Storey, Structure, StructureSpec,
+    ModelError, ShearBuildingSpec, StiffnessPart, Storey, Structure, StructureSpec,
 };
 use crate::frame::{FrameSpec, Members};
 use crate::law::Reach;
@@ -190,8 +190,10 @@ impl StructureSpec {
             }
             let massless = structure.massless();
             // A rule damps the motion of masses: where nothing has mass, it makes no force (Chopra & McKenna 2016).
-            if let Ok(mut held) = Condensation::new(&at_rest, &massless)
+            let on_all = matches!(rule, DampingSpec::Rayleigh(rule) if rule.stiffness_part == StiffnessPart::Initial);
+            if !on_all
                 && !massless.is_empty()
+                && let Ok(mut held) = Condensation::new(&at_rest, &massless)
             {
                 let seen = held.seen_by(&damping);
                 let kept = held.kept();

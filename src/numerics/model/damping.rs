@@ -70,6 +70,7 @@ pub(super) fn damping_matrix(
         DampingSpec::Rayleigh(RayleighSpec {
             mass_coefficient_per_s,
             stiffness_coefficient_s,
+            stiffness_part: _,
         }) => {
             not_negative("mass_coefficient_per_s", *mass_coefficient_per_s)?;
             not_negative("stiffness_coefficient_s", *stiffness_coefficient_s)?;

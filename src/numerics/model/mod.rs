@@ -32,7 +32,7 @@ pub use error::{BuildError, ModelError};
 pub use parse::{ParseError, ParseFault, parse_matrix};
 pub use spec::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, PDeltaSpec, RayleighRatioSpec,
-    RayleighSpec, ShearBuildingSpec, StructureSpec,
+    RayleighSpec, ShearBuildingSpec, StiffnessPart, StructureSpec,
 };
 pub use structure::{Storey, Structure};
 pub use table::MatrixTable;

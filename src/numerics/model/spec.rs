@@ -143,6 +143,27 @@ pub struct RayleighSpec {
     /// Coefficient b of the stiffness matrix.
     #[schemars(example = 0.0005)]
     pub stiffness_coefficient_s: f64,
+    /// Where the part b K acts. Default: "condensed".
+    #[serde(default, skip_serializing_if = "StiffnessPart::is_condensed")]
+    #[schemars(example = &"initial")]
+    pub stiffness_part: StiffnessPart,
+}
+
+/// Where the stiffness part of a damping rule acts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StiffnessPart {
+    /// On the DOFs with mass. The others follow them, so a joint that yields gets no moment from damping.
+    #[default]
+    Condensed,
+    /// On all DOFs, as OpenSees does with the initial stiffness. A joint that yields is then damped, too.
+    Initial,
+}
+
+impl StiffnessPart {
+    fn is_condensed(&self) -> bool {
+        *self == Self::Condensed
+    }
 }
 
 /// Rayleigh damping with a given ratio at two frequencies, C = a M + b K. Give `first_hz` and

@@ -283,6 +283,8 @@ const ALWAYS: &str = "always";
 const STRUCTURE: &str = "with a structure";
 const UNIT: &str = "with a loading unit";
 const MEMBER: &str = "with a member or link that has `record = true`";
+const BEARING: &str = "with a bearing of a frame that has `record = true`";
+const VERTICAL_BEARING: &str = "with a bearing of three axes that has `record = true`";
 const IN_SPACE: &str = "with a member in space that has `record = true`";
 const TRACKED: &str = "where the tracking of the axis is estimated";
 
@@ -332,7 +334,11 @@ kinds! {
     OWN_ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, "with a method that carries an acceleration",
         "acceleration that the method uses in its next step, not from equilibrium,";
     /// Elongation of a member of a frame, or deformation of a link.
-    STRETCH = "stretch", Member, "m or rad", Integrator, MEMBER, "elongation, or deformation of a link";
+    STRETCH = "stretch", Member, "m or rad", Integrator, MEMBER, "elongation, or deformation of a link, or of a bearing in x";
+    /// Deformation of a bearing in y.
+    STRETCH_Y = "stretch_y", Member, "m", Integrator, BEARING, "deformation of a bearing in y";
+    /// Deformation of a bearing in z.
+    STRETCH_Z = "stretch_z", Member, "m", Integrator, VERTICAL_BEARING, "deformation of a bearing in z";
     /// Its rotation from the chord at its start.
     START_ROTATION = "rotation_start", Member, "rad", Integrator, MEMBER, "rotation of the start from the chord";
     /// Its rotation from the chord at its end.
@@ -344,7 +350,11 @@ kinds! {
     /// Its twist, in space.
     TWIST = "twist", Member, "rad", Integrator, IN_SPACE, "twist from start to end";
     /// Its axial force, or the force of a link.
-    MEMBER_FORCE = "member_force", Member, "N or N m", Integrator, MEMBER, "axial force, tension positive, or force of a link";
+    MEMBER_FORCE = "member_force", Member, "N or N m", Integrator, MEMBER, "axial force, tension positive, or force of a link, or of a bearing in x";
+    /// Force of a bearing in y.
+    MEMBER_FORCE_Y = "member_force_y", Member, "N", Integrator, BEARING, "force of a bearing in y";
+    /// Force of a bearing in z.
+    MEMBER_FORCE_Z = "member_force_z", Member, "N", Integrator, VERTICAL_BEARING, "force of a bearing in z";
     /// Its moment at its start.
     START_MOMENT = "moment_start", Member, "N m", Integrator, MEMBER, "moment at the start";
     /// Its moment at its end.

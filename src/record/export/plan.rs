@@ -163,7 +163,7 @@ const AXIS: [Kind; 4] = [
     column::FORCE,
 ];
 
-const MEMBER: [Kind; 12] = [
+const MEMBER: [Kind; 16] = [
     column::STRETCH,
     column::START_ROTATION,
     column::END_ROTATION,
@@ -176,6 +176,10 @@ const MEMBER: [Kind; 12] = [
     column::WEAK_START_MOMENT,
     column::WEAK_END_MOMENT,
     column::TORQUE,
+    column::STRETCH_Y,
+    column::STRETCH_Z,
+    column::MEMBER_FORCE_Y,
+    column::MEMBER_FORCE_Z,
 ];
 
 /// Why a walk ended early.

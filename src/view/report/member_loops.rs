@@ -10,8 +10,9 @@ use super::digest::Digest;
 use super::farthest::frame;
 use super::loop_line::{Loop, Points};
 use gusset_quantity::catalog::column::{
-    END_MOMENT, END_ROTATION, Kind, MEMBER_FORCE, START_MOMENT, START_ROTATION, STRETCH, TORQUE,
-    WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
+    END_MOMENT, END_ROTATION, Kind, MEMBER_FORCE, MEMBER_FORCE_Y, START_MOMENT, START_ROTATION,
+    STRETCH, STRETCH_Y, TORQUE, WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT,
+    WEAK_START_ROTATION,
 };
 
 /// Members that are drawn.
@@ -31,6 +32,10 @@ const IN_SPACE: Lines = &[
     ("end, weak", WEAK_END_ROTATION, WEAK_END_MOMENT),
 ];
 const OF_LINK: Lines = &[("", STRETCH, MEMBER_FORCE)];
+const OF_BEARING: Lines = &[
+    ("x", STRETCH, MEMBER_FORCE),
+    ("y", STRETCH_Y, MEMBER_FORCE_Y),
+];
 
 /// A chart for each of them.
 pub(super) fn figures(run: &RunView, rows: &Digest) -> Markup {
@@ -50,6 +55,9 @@ pub(super) fn figures(run: &RunView, rows: &Digest) -> Markup {
                 (IN_SPACE, ["rotation from the chord", "moment"])
             }
             true => (OF_ENDS, ["rotation from the chord", "moment"]),
+            false if rows.get(&column(&STRETCH_Y)).is_some() => {
+                (OF_BEARING, ["deformation", "force"])
+            }
             false => (OF_LINK, ["deformation", "force"]),
         };
         let name = spec.name_of(number);

@@ -514,14 +514,19 @@ impl Member {
         if self.place.is_plane { 3 } else { 6 }
     }
 
-    /// Deformations and forces at the last evaluation: v in m and rad, then q in N and N m, [`Member::count`] each; of a link one each.
-    /// Real-time: yes.
+    /// Deformations with a meaning: [`Member::count`], one of a link, two or three of a bearing.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        match &self.basic {
+            Basic::Link(_) => 1,
+            Basic::Bearing(bearing) => bearing.axes(),
+            _ => self.count(),
+        }
+    }
+
+    /// Deformations and forces at the last evaluation: v in m and rad, then q in N and N m, [`Member::axes`] each. Real-time: yes.
     pub fn values(&self) -> impl Iterator<Item = f64> {
-        let count = if self.link_turns().is_some() {
-            1
-        } else {
-            self.count()
-        };
+        let count = self.axes();
         let (disp, force) = (self.disp.into_iter(), self.answer.force.into_iter());
         disp.take(count).chain(force.take(count))
     }
@@ -744,11 +749,7 @@ impl Members {
     /// Each link, and each axis of a bearing, with its row: v = Σ row · x.
     pub(crate) fn links(&self) -> impl Iterator<Item = Link<'_>> {
         self.each.iter().flat_map(|member| {
-            let axes = match &member.basic {
-                Basic::Link(_) => 1,
-                Basic::Bearing(bearing) => bearing.axes(),
-                _ => 0,
-            };
+            let axes = member.link_turns().map_or(0, |_| member.axes());
             let of = |which| member.links(which);
             let (bound, reference) = (of(Which::Bound), of(Which::Reference));
             (0..axes).map(move |axis| {

@@ -310,6 +310,16 @@ fn mistakes_in_space_name_their_place() {
             .model()
             .unwrap_err()
     };
+    let text = toml::to_string(&portal("section = \"fibres\"", Some(0.0))).unwrap();
+    let mut many = toml::from_str::<FrameSpec>(&text).unwrap();
+    let Some(SectionSpec::Rectangle(cut)) = many.section.get_mut("fibres") else {
+        panic!("{text}");
+    };
+    (cut.layers, cut.layers_across) = (200, 21);
+    assert_is!(
+        many.section_named(0, "fibres").unwrap_err()
+        => FrameError::Section { key: "layers_across", .. }
+    );
     assert_is!(broken("dimension = 3", "dimension = 2") => FrameError::Coordinates { key: "at_m", found: 3, wanted: 2, .. });
     assert_is!(broken("dimension = 3", "dimension = 4") => FrameError::Dimension(4));
     assert_is!(
@@ -347,7 +357,13 @@ fn bearings_stand_between_nodes() {
     };
     let pendulum = "bearing.friction_pendulum = { radius_m = 2, stiffness_n_per_m = 1e6, friction_slow = 0.05, friction_fast = 0.05, \
                     rate_s_per_m = 0, largest_axial_force_n = 2e4, vertical_stiffness_n_per_m = 1e8 }";
-    let model = bearing(pendulum).unwrap();
+    let model = bearing(&format!("record = true, {pendulum}")).unwrap();
+    let recorded: Vec<_> = model
+        .members
+        .recorded()
+        .map(|member| member.axes())
+        .collect();
+    assert_eq!(recorded, [3]);
     assert_near(model.stiffness.get(0, 0), 1e6 + 2e4 / 2.0);
     assert_near(model.stiffness.get(2, 2), 1e8);
     let mut members = model.members;
@@ -376,7 +392,6 @@ fn bearings_stand_between_nodes() {
             format!("law.linear = {{ stiffness_n_per_m = 1.0 }}, {pendulum}"),
             "nodes",
         ),
-        (format!("record = true, {pendulum}"), "record"),
         ("direction = 'x'".to_owned(), "nodes"),
         (
             "law.linear = { stiffness_n_per_m = 1.0 }".to_owned(),

@@ -5,6 +5,9 @@ use gusset_quantity::state;
 use super::super::envelope::{Envelope, Point};
 use super::Constants;
 
+/// Largest target, in displacements of the first corner.
+const FARTHEST: f64 = 1e6;
+
 /// The line on which the force moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
@@ -172,7 +175,8 @@ impl State {
             if self.behind.target > first {
                 let share = law.by_energy * energy / law.capacity
                     + law.by_ductility * (self.behind.target - first) / first;
-                self.ahead.target *= 1.0 + share;
+                // Damage without end has no other force than that at this distance.
+                self.ahead.target = (self.ahead.target * (1.0 + share)).min(FARTHEST * first);
             }
         }
         let first = self.envelope(law, true).corners[0].disp;

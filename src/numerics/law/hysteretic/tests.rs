@@ -99,6 +99,21 @@ fn damage_moves_the_target() {
     );
 }
 
+/// Under damage without end the force fades, and stays a number.
+#[test]
+fn endless_damage_leaves_a_number() {
+    let spec = HystereticSpec {
+        damage_1: 0.5,
+        damage_2: 0.5,
+        ..plain()
+    };
+    let path: Vec<f64> = (0..4000)
+        .map(|i| if i % 2 == 0 { 4.0 } else { -4.0 })
+        .collect();
+    let forces = walk(&spec, &path);
+    assert!(forces.iter().all(|force| force.abs() <= 131.0));
+}
+
 #[test]
 fn unloading_softens_with_ductility() {
     let spec = HystereticSpec {

@@ -60,6 +60,7 @@ fn damping_rules_give_the_requested_ratios() {
     let coefficients = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: 0.5,
         stiffness_coefficient_s: 1e-3,
+        stiffness_part: StiffnessPart::Condensed,
     });
     let structure = damped(&spec, coefficients).unwrap();
     assert_eq!(structure.damping().get(0, 0), 0.5 * 1e3 + 1e-3 * 5e6);
@@ -72,6 +73,7 @@ fn rule_damping_acts_against_a_moving_base() {
     let rule = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: 0.5,
         stiffness_coefficient_s: 0.0,
+        stiffness_part: StiffnessPart::Condensed,
     });
     let mut structure = damped(&building(&[3.0, 4.0], &[10.0, 10.0], None), rule).unwrap();
     let base = Base {
@@ -89,6 +91,7 @@ fn rule_damping_counts_elements_at_rest() {
     let rule = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: 0.0,
         stiffness_coefficient_s: 0.01,
+        stiffness_part: StiffnessPart::Condensed,
     });
     let whole = damped(
         &building(&[1.0; 3], &[300.0, 200.0, 100.0], None),

@@ -101,14 +101,25 @@ fn damping_of_a_frame_skips_massless_joints_and_axial_loads() {
     .unwrap();
     let frame: FrameSpec = frame.unwrap();
     let model = frame.model().unwrap();
-    let built = StructureSpec::Frame(frame).build(Some(&rule), &[], None, &MatrixFiles::new());
-    let structure = built.unwrap();
+    let built = |rule| {
+        let spec = StructureSpec::Frame(frame.clone());
+        spec.build(Some(rule), &[], None, &MatrixFiles::new())
+            .unwrap()
+    };
+    let structure = built(&rule);
     let c = structure.damping();
     let along = 0.4 * MASS + 2e-3 * 2e9 / 3.0;
     // The rotation follows statically: θ = −K₂₁/K₂₂ x, with the axial force in K₁₁ alone.
     let across = 0.4 * MASS + 2e-3 * 3.0 * 2e6 / 27.0;
     assert_near([c.get(0, 0), c.get(1, 1)], [across, along]);
     assert!(c.row_is_zero(2), "{c:?}");
+    // With the initial stiffness, the joint is damped by itself.
+    let rule = "rayleigh = { mass_coefficient_per_s = 0.4, stiffness_coefficient_s = 2e-3, stiffness_part = 'initial' }";
+    let structure = built(&toml::from_str(rule).unwrap());
+    let c = structure.damping();
+    let across = 0.4 * MASS + 2e-3 * 12.0 * 2e6 / 27.0;
+    assert_near([c.get(0, 0), c.get(1, 1)], [across, along]);
+    assert_near([c.get(2, 2); 2], [2e-3 * 4.0 * 2e6 / 3.0; 2]);
     let lowered = 12.0 * 2e6 / 27.0 - 2e5 / 3.0;
     assert_near([model.stiffness.get(0, 0); 2], [lowered; 2]);
 }
