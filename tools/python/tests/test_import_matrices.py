@@ -59,7 +59,7 @@ def labelled(path, matrix, nodes=(7, 12), both=False):
     path.write_text("\n".join(lines) + "\n")
 
 
-def harwell_boeing(path, matrix, rhs=False, touching=False):
+def harwell_boeing(path, matrix, rhs=False, touching=False, title=""):
     """A file of ANSYS: symmetric, one number in a line, Fortran's D for the exponent. Or three numbers in a line that may touch."""
     columns = [[(i, matrix[i, j]) for i in range(j, len(matrix)) if matrix[i, j] != 0] for j in range(len(matrix))]
     pointers = np.cumsum([1] + [len(column) for column in columns])
@@ -69,7 +69,7 @@ def harwell_boeing(path, matrix, rhs=False, touching=False):
         values = ["".join(values[at : at + 3]) for at in range(0, count, 3)]
     extra = len(matrix) if rhs else 0
     head = [
-        f"{'ANSYS matrix':72s}{'KEY':8s}",
+        f"{title:80s}",
         "".join(
             f"{number:14d}" for number in (len(pointers) + count + len(values) + extra, len(pointers), count, len(values), extra)
         ),
@@ -203,12 +203,14 @@ def test_influence_follows_the_direction(place):
 
 
 def test_mapping_of_ansys_names_the_rows(place):
-    for name, matrix in (("mass", M), ("stiff", K)):
-        harwell_boeing(place / f"{name}.matrix", matrix)
+    for name, title, matrix in (("1", "Mass", M), ("2", "Stiffness", K)):
+        harwell_boeing(
+            place / f"{name}.matrix", matrix, title=f"{title} matrix from ANSYS FULL file dumped into Harwell-Boeing format"
+        )
     labels = ["UX", "UY", "ROTZ"]
     rows = [f"{3 * node + at + 1:10d}{node + 5:10d}   {label}" for node in range(2) for at, label in enumerate(labels)]
-    (place / "mass.mapping").write_text("  Matrix Eqn      Node   DOF\n" + "\n".join(rows) + "\n")
-    assert convert(["mass.matrix", "stiff.matrix", "mass.mapping"]) == 0
+    (place / "1.mapping").write_text("    Matrix Eqn          Node    DOF     \n" + "\n".join(rows) + "\n")
+    assert convert(["1.matrix", "2.matrix", "1.mapping"]) == 0
     assert names() == [[str(3 * n + i + 1), str(n + 5), PLANE[i]] for n in range(2) for i in range(3)]
     assert np.allclose(written("stiffness"), 1e3 * K, rtol=1e-14)
 

@@ -14,7 +14,7 @@ PACKAGES = {"scipy": "scipy", "h5py": "h5py", "openseespy": "openseespy"}
 
 
 def main(options: str) -> int:
-    """Exit code of the importer: 2 if it refuses the model, 5 after an error of its own."""
+    """Exit code of the importer: 2 if it refuses the model, 5 after an internal error."""
     given = json.loads(options)
     source = given["source"]
     try:

@@ -10,11 +10,11 @@ from .. import Refused, units
 from . import formats, model
 from .formats import DIRECTIONS, Dof, Matrix, Names
 
-# The words of a name that say which matrix it is. The structural damping of Abaqus (DMPS) is not viscous, so it is not among them.
+# Words of a name or a title that say which matrix it is. Those of structural damping (Abaqus: DMPS) are missing: it is not viscous.
 WORDS = {
-    "mass": {"m", "mass", "massmatrix", "mgg", "mff", "txm"},
-    "stiffness": {"k", "stiffness", "stiff", "stif", "stiffnessmatrix", "kgg", "kff", "txk"},
-    "damping": {"c", "damping", "damp", "dampingmatrix", "cgg", "cff", "dmpv"},
+    "mass": {"m", "mass", "massmatrix", "mmatrix", "mgg", "mff", "txm"},
+    "stiffness": {"k", "stiffness", "stiff", "stif", "stiffnessmatrix", "kmatrix", "kgg", "kff", "txk"},
+    "damping": {"c", "damping", "damp", "dampingmatrix", "cmatrix", "cgg", "cff", "dmpv"},
 }
 
 
@@ -54,14 +54,19 @@ def listed(matrices: list[Matrix]) -> str:
     return ", ".join(matrix.name for matrix in matrices) or "none"
 
 
+def words(matrix: Matrix) -> set[str]:
+    """The words of the name and of the title."""
+    return set(re.split("[^a-z]+", f"{Path(matrix.name).name} {matrix.title}".lower()))
+
+
 def choose(role: str, wanted: str | None, matrices: list[Matrix]) -> Matrix | None:
-    """The matrix of this role: that of the option, or else the only one whose name says so."""
+    """The matrix of this role: that of the option, or else the only one with a fitting name."""
     if wanted is not None:
         fitting = [matrix for matrix in matrices if wanted in (matrix.name, Path(matrix.name).name)]
         if not fitting:
             raise Refused(f"--{role} {wanted}: there is no such matrix; the matrices are {listed(matrices)}")
     else:
-        fitting = [matrix for matrix in matrices if WORDS[role] & set(re.split("[^a-z]+", Path(matrix.name).name.lower()))]
+        fitting = [matrix for matrix in matrices if WORDS[role] & words(matrix)]
         if role == "damping":  # C may also be the matrix of outputs of a state space
             fitting = [matrix for matrix in fitting if matrix.matrix.shape[0] == matrix.matrix.shape[1]]
     if len(fitting) > 1:

@@ -46,7 +46,7 @@ class Matrix:
     """A matrix of a file.
 
     `name` is the path of the file, or the name of the variable in it. `dofs` names the rows where the file does. A file that
-    `is_open` gives no size: rows of zeros may follow.
+    `is_open` gives no size: rows of zeros may follow. `title` is the title in the file.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Matrix:
     format: str
     dofs: list[Dof] | None = None
     is_open: bool = False
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ def text(name: str, content: bytes) -> list[Matrix] | Names:
         raise Refused("the format is not known. Write text, Matrix Market or a MATLAB file of version 7 or 7.3")
     lines = content.decode("utf-8-sig", errors="replace").splitlines()
     if len(lines) > 2 and re.match(r"[RCP][SUHZR][AE]\s", lines[2], re.IGNORECASE):
-        return [Matrix(name, harwell_boeing(lines), "Harwell-Boeing")]
+        return [Matrix(name, harwell_boeing(lines), "Harwell-Boeing", title=lines[0][:72])]
     numbered = [(number, line.strip()) for number, line in enumerate(lines, start=1)]
     # Abaqus begins comments and keywords with an asterisk.
     numbered = [(number, line) for number, line in numbered if line and not line.startswith("*")]

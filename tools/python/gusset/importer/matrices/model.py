@@ -98,7 +98,6 @@ def convert(dofs: list[Dof], matrices: dict[str, Any], units: Units) -> Model:
     for role, matrix in matrices.items():
         entries = symmetric(role, matrix[kept][:, kept], dofs).tocoo()
         scale = units.force * units.length * times[role] / (length[entries.row] * length[entries.col])
-        # Units of force, length and time without a factor leave every bit as it is.
         converted[role] = scipy.sparse.csr_array((entries.data * scale, (entries.row, entries.col)), shape=entries.shape)
     semi_definite(converted["mass"], dofs)
     return Model(dofs, converted, notes)
