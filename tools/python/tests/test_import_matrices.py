@@ -221,7 +221,8 @@ def test_joints_of_sap2000_name_the_rows(place):
     massless[5, 5] = 0  # the file of the mass then ends with equation 5
     sap(place / "frame.TXM", massless)
     head = "Joint\tU1\tU2\tU3\tR1\tR2\tR3\n"
-    (place / "frame.TXE").write_text(head + "1\t0\t0\t0\t0\t0\t0\nA 2\t4\t5\t-1\t0\t0\t6\n~3\t1\t2\t0\t0\t0\t3\n")
+    joints = "1\t0\t0\t0\t0\t0\t\n0\nA 2\t4\t5\t-1\t0\t0\t\n6\n~3\t1\t2\t0\t0\t0\t3\n"
+    (place / "frame.TXE").write_text(head + joints + "CDIAPH1\t4\t5\t0\t0\t0\t6\n")
     assert convert(["frame.TXE", "frame.TXK", "frame.TXM"]) == 0
     assert np.allclose(written("mass"), 1e3 * massless)
     lines = open("model/dofs.csv").read().splitlines()[1:]
@@ -358,8 +359,9 @@ def test_bytes_that_are_no_matrix_are_refused(place, capsys, content, words):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n1 1 2 3 4 5 six\n", ["line 2"]),
-        ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n1 1 1 0 0 0 0\n", ["line 2", "equation 1"]),
+        ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n7 1 2 3 4 5 six\n", ["joint 7", "six"]),
+        ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n7 1 2 3\n", ["joint 7", "1 2 3"]),
+        ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n1 1 1 0 0 0 0\n", ["equation 1", "y of joint 1"]),
         ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n1 1 3 0 0 0 0\n", ["equation 2"]),
         ("a.TXE", "Joint U1 U2 U3 R1 R2 R3\n1 1 2 0 0 0 3\n", ["6 rows", "3"]),
         ("a.mapping", "1 5 UX\n2 5 TEMP\n", ["line 2", "TEMP"]),

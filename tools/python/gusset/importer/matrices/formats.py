@@ -244,19 +244,24 @@ def labelled(name: str, numbered: list[tuple[int, str]]) -> Matrix:
 
 
 def equations(numbered: list[tuple[int, str]]) -> list[Dof]:
-    """SAP2000, .TXE: a joint and the equations of its six directions. Zero is restrained, a negative number constrained."""
+    """SAP2000, .TXE: a joint and the equations of its six directions. Zero is restrained, a negative number constrained.
+
+    The numbers of a joint may go on in the next line. The joint of a constraint may share the equations of another joint.
+    """
+    separator = "\t" if any("\t" in line for _, line in numbered) else None
+    parts = [part.strip() for _, line in numbered for part in line.split(separator) if part.strip()]
     found: dict[int, Dof] = {}
-    for number, line in numbered:
-        parts = line.split("\t") if "\t" in line else line.split()
+    for at in range(0, len(parts), 7):
+        joint, *words = parts[at : at + 7]
         try:
-            joint, numbers = parts[0].strip(), [int(part) for part in parts[1:7]]
+            numbers = [int(word) for word in words]
         except ValueError:
             numbers = []
         if len(numbers) != 6:
-            raise Refused(f"line {number}: {line[:60]!r} must be a joint and six numbers of equations")
+            raise Refused(f"joint {joint} has the numbers {' '.join(words)}, but needs six numbers of equations")
         for equation, direction in zip(numbers, DIRECTIONS):
-            if equation > 0 and found.setdefault(equation, Dof(joint, direction)) != Dof(joint, direction):
-                raise Refused(f"line {number}: equation {equation} is given to two degrees of freedom")
+            if equation > 0 and found.setdefault(equation, Dof(joint, direction)).direction != direction:
+                raise Refused(f"equation {equation} is given to two directions, also to {direction} of joint {joint}")
     return in_order(found)
 
 
