@@ -1,4 +1,4 @@
-//! `gusset import`: the importer in Python gets the options and ends for the command. A script of the shell stands in for Python.
+//! `gusset import`: the importer in Python gets the options and ends for the command. A shell script takes the place of Python.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Arguments of `gusset import`. They go to the importer in Python as they are here, by the names of the fields.
+//! Arguments of `gusset import`. The importer in Python gets them as JSON, by the names of the fields.
 
 use std::path::PathBuf;
 
