@@ -51,10 +51,10 @@ def lower(matrix):
     return [(i + 1, j + 1, matrix[i, j]) for i in range(len(matrix)) for j in range(i + 1) if matrix[i, j] != 0]
 
 
-def labelled(path, matrix, nodes=(7, 12), both=False):
+def labelled(path, matrix, nodes=(7, 12), part=np.tril):
     """A file of Abaqus, FORMAT=MATRIX INPUT."""
     ends = [(node, ABAQUS[direction]) for node in nodes for direction in PLANE]
-    rows, columns = np.nonzero(matrix if both else np.tril(matrix))
+    rows, columns = np.nonzero(part(matrix))
     lines = [f"{ends[i][0]},{ends[i][1]}, {ends[j][0]},{ends[j][1]}, {matrix[i, j]:.17e}" for i, j in zip(rows, columns)]
     path.write_text("\n".join(lines) + "\n")
 
@@ -96,6 +96,7 @@ def sap(path, matrix):
         "mat 7.3",
         "abaqus",
         "abaqus both",
+        "abaqus upper",
         "coordinates",
         "hb",
         "hb rhs",
@@ -133,7 +134,7 @@ def files(request, place):
             scipy.io.mmwrite(path, scipy.sparse.coo_array(matrix), symmetry="symmetric", precision=17)
             os.rename(f"{path}.mtx", path)
         elif kind.startswith("abaqus"):
-            labelled(path, matrix, both=kind == "abaqus both")
+            labelled(path, matrix, part={"abaqus": np.tril, "abaqus upper": np.triu, "abaqus both": np.array}[kind])
         elif kind == "coordinates":
             path.write_text("".join(f"{i + 1} {j + 1}  {matrix[i, j]:.17e}\n" for i, j in zip(*np.nonzero(matrix))))
         elif kind == "hb scipy":
