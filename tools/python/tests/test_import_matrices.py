@@ -128,11 +128,11 @@ def files(request, place):
     for role, matrix in roles.items():
         path = place / f"{role}.dat"
         if kind == "array":
-            scipy.io.mmwrite(path, matrix, symmetry="general", precision=17)
-            os.rename(f"{path}.mtx", path)
+            scipy.io.mmwrite("matrix.mtx", matrix, symmetry="general", precision=17)
+            os.rename("matrix.mtx", path)
         elif kind == "coordinate":
-            scipy.io.mmwrite(path, scipy.sparse.coo_array(matrix), symmetry="symmetric", precision=17)
-            os.rename(f"{path}.mtx", path)
+            scipy.io.mmwrite("matrix.mtx", scipy.sparse.coo_array(matrix), symmetry="symmetric", precision=17)
+            os.rename("matrix.mtx", path)
         elif kind.startswith("abaqus"):
             labelled(path, matrix, part={"abaqus": np.tril, "abaqus upper": np.triu, "abaqus both": np.array}[kind])
         elif kind == "coordinates":
@@ -187,6 +187,15 @@ def toml(out="model"):
         return tomllib.load(file)
 
 
+def test_many_dofs_keep_their_numbers(place):
+    size = 100_000
+    save(M=scipy.sparse.eye(size, format="csc"), K=scipy.sparse.eye(size, format="csc"))
+    assert convert(["model.mat"], units="N,m,s", dofs="x,rz") == 0
+    structure = toml()["structure"]
+    assert structure["rotations"] == list(range(2, size + 1, 2))
+    assert structure["matrices"]["influence"] == [1, 0] * (size // 2)
+
+
 def test_c_of_a_state_space_is_no_damping(place):
     save(M=M, K=K, C=K[:2])
     assert convert(["model.mat"], dofs="x,y,rz") == 0
@@ -228,6 +237,14 @@ def test_joints_of_sap2000_name_the_rows(place):
     assert np.allclose(written("mass"), 1e3 * massless)
     lines = open("model/dofs.csv").read().splitlines()[1:]
     assert lines == ["1,~3,x", "2,~3,y", "3,~3,rz", "4,A 2,x", "5,A 2,y", "6,A 2,rz"]
+
+
+def test_names_cannot_end_a_comment(place):
+    path = place / "k\nb = 1.mtx"
+    labelled(path, K)
+    labelled(place / "m.mtx", M)
+    assert convert([path, "m.mtx"], stiffness=path.name) == 0
+    assert list(toml()) == ["title", "time", "structure", "excitation"]
 
 
 def test_supports_of_abaqus_are_left_out(place, capsys):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,17 +76,24 @@ def read(path: Path) -> list[Matrix] | Names:
         if content.startswith(b"%%MatrixMarket"):
             return [Matrix(str(path), market(content), "Matrix Market")]
         if content[:10] == b"MATLAB 5.0":
-            return variables(scipy.io.loadmat(str(path)), "MATLAB 5")
+            return variables(of_library(scipy.io.loadmat, str(path)), "MATLAB 5")
         if HDF5 in (content[:8], content[512:520]):
-            return variables(hdf5(path), "MATLAB 7.3")
+            return variables(of_library(hdf5, path), "MATLAB 7.3")
         return text(str(path), content)
     except Refused as reason:
         raise Refused(f"{path}: {reason}") from None
-    except ModuleNotFoundError:
+    except (ValueError, OverflowError) as reason:
+        raise Refused(f"{path}: cannot be read: {reason}. Write the file again with the other program") from None
+
+
+def of_library(call: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of a library. Libraries raise many kinds of exceptions for bytes that are no matrix."""
+    try:
+        return call(*arguments)
+    except (Refused, ModuleNotFoundError):
         raise
-    except Exception as reason:  # the libraries raise many kinds for bytes that are no matrix
-        told = str(reason) or type(reason).__name__
-        raise Refused(f"{path}: cannot be read: {told}. Write the file again with the other program") from None
+    except Exception as reason:
+        raise ValueError(str(reason) or type(reason).__name__) from None
 
 
 def bounded(rows: int, columns: int) -> None:
@@ -95,11 +103,11 @@ def bounded(rows: int, columns: int) -> None:
 
 
 def market(content: bytes) -> Any:
-    rows, columns, _, _, field, symmetry = scipy.io.mminfo(io.BytesIO(content))
+    rows, columns, _, _, field, symmetry = of_library(scipy.io.mminfo, io.BytesIO(content))
     bounded(rows, columns)
     if field not in ("real", "integer", "double", "unsigned-integer") or symmetry not in ("general", "symmetric"):
         raise Refused(f"the matrix is {field} {symmetry}, but must be real or integer, and general or symmetric")
-    return scipy.io.mmread(io.BytesIO(content))
+    return of_library(scipy.io.mmread, io.BytesIO(content))
 
 
 def variables(found: dict[str, Any], kind: str) -> list[Matrix]:
@@ -215,10 +223,11 @@ def whole_matrix(rows: Any, columns: Any, values: Any, size: int) -> Any:
     keys = rows * size + columns
     if len(np.unique(keys)) != len(keys):
         raise Refused("an entry is given twice. Write the assembled matrix, not those of the elements")
-    matrix = scipy.sparse.coo_array((values, (rows, columns)), shape=(size, size)).tocsr()
     if np.all(rows >= columns) or np.all(rows <= columns):
-        matrix = matrix + matrix.T - scipy.sparse.diags_array(matrix.diagonal())
-    return matrix
+        mirrored = rows != columns
+        values = np.concatenate([values, values[mirrored]])
+        rows, columns = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
+    return scipy.sparse.coo_array((values, (rows, columns)), shape=(size, size)).tocsr()
 
 
 def labelled(name: str, numbered: list[tuple[int, str]]) -> Matrix:

@@ -162,7 +162,7 @@ def write(model: Model, direction: str, units: str, sources: list[str], out: Pat
             folder.mkdir()
             for role, matrix in model.matrices.items():
                 scipy.io.mmwrite(
-                    folder / f"{role}.mtx", matrix.tocoo(), comment=f" {role} in SI units", precision=17, symmetry="symmetric"
+                    str(folder / f"{role}.mtx"), matrix.tocoo(), comment=f" {role} in SI units", precision=17, symmetry="symmetric"
                 )
             with (folder / "dofs.csv").open("w", newline="") as file:
                 table = csv.writer(file)
@@ -180,9 +180,14 @@ def write(model: Model, direction: str, units: str, sources: list[str], out: Pat
 
 def rows_of(numbers: Sequence[float]) -> str:
     """Numbers of a TOML list, 30 in a line."""
-    texts = [f"{number:g}" for number in numbers]
+    texts = [str(int(number)) for number in numbers]
     lines = [", ".join(texts[at : at + 30]) for at in range(0, len(texts), 30)]
     return lines[0] if len(lines) == 1 else "\n    " + ",\n    ".join(lines) + ",\n"
+
+
+def printable(text: str) -> str:
+    """A text that cannot end a comment."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def test_file(model: Model, direction: str, influence: Any, units: str, comments: list[str]) -> str:
@@ -190,8 +195,9 @@ def test_file(model: Model, direction: str, influence: Any, units: str, comments
     rotations = [number for number, dof in enumerate(model.dofs, start=1) if dof.is_rotation]
     damping = "damping" in model.matrices
     example = int(np.flatnonzero(influence)[0])
+    node = printable(model.dofs[example].node)
     row = ", ".join("1" if at == example else "0" for at in range(len(influence))) if len(influence) <= 30 else "..."
-    about = "".join(f"#   {line}\n" for line in comments)
+    about = "".join(f"#   {printable(line)}\n" for line in comments)
     structure = f"[structure]\nrotations = [{rows_of(rotations)}]\n\n" if rotations else ""
     no_damping = """
 # There was no damping matrix. Without a rule the structure has no damping. For 2 % of critical damping in the first two modes:
@@ -201,13 +207,13 @@ def test_file(model: Model, direction: str, influence: Any, units: str, comments
 """
     specimen = f"""
 # The specimen. The matrices must not contain its stiffness, or it acts twice. A row has one number for each DOF. For an axis that
-# follows DOF {example + 1}, node {model.dofs[example].node}, direction {model.dofs[example].direction}, there is a 1 at this DOF:
+# follows DOF {example + 1}, node {node}, direction {direction}, there is a 1 at this DOF:
 # [[specimen]]
 # name = "specimen"
 # rows = [[{row}]]
 # law.linear = {{ stiffness_n_per_m = 1e6 }}
 """
-    return f"""# A structure from matrices of another program, converted from {units} to SI units by gusset import matrices.
+    return f"""# A structure from matrices of another program, converted to SI units. Its units were {printable(units)}.
 {about}#
 #   gusset check model.toml                  # reads and rehearses the test; nothing moves
 #   gusset run model.toml --out runs/model   # runs it; the page runs/model/report.html shows the result
