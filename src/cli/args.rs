@@ -15,6 +15,7 @@ mod files;
 mod folders;
 mod guide;
 mod identify;
+mod import;
 mod machine;
 mod run;
 mod serve;
@@ -35,6 +36,7 @@ pub(super) use folders::{
 };
 pub(super) use guide::GuideArgs;
 pub(super) use identify::IdentifyArgs;
+pub(super) use import::ImportArgs;
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use run::{RunArgs, StatusArg, TestRunArgs};
 pub(super) use serve::{ProtocolArg, ServeArgs, SignalOrderArg, TlsArgs, TransportArg};
@@ -101,6 +103,8 @@ impl From<LogArg> for LevelFilter {
 pub(super) enum Command {
     /// Write a commented test file that runs unchanged.
     New(NewArgs),
+    /// Write a test file from the model of another program.
+    Import(ImportArgs),
     /// Check and rehearse a test. Nothing moves.
     Check(CheckArgs),
     /// Run one hybrid test.

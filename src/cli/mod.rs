@@ -21,6 +21,7 @@ mod export;
 mod frontier;
 mod guide;
 mod identify;
+mod import;
 mod jitter;
 mod limits;
 mod list;
@@ -129,6 +130,7 @@ fn enough_files() -> anyhow::Result<()> {
 fn dispatch(command: Command) -> anyhow::Result<Exit> {
     match command {
         Command::New(args) => new::new(&args),
+        Command::Import(args) => import::import(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Identify(args) => identify::identify(&args),

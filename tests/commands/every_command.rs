@@ -7,8 +7,8 @@ use std::fs;
 use crate::common::{FRAME, PATIENT, completed, gusset, json, names, say, write};
 use serde_json::Value;
 
-const COMMANDS: [&str; 7] = [
-    "run", "check", "jitter", "doctor", "export", "report", "schema",
+const COMMANDS: [&str; 8] = [
+    "run", "check", "import", "jitter", "doctor", "export", "report", "schema",
 ];
 
 /// All of stdout is one JSON document.

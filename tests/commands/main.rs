@@ -12,6 +12,7 @@ mod engines;
 mod every_command;
 mod every_study;
 mod hyperqueue;
+mod import;
 mod new_and_list;
 mod operator;
 mod privileges;

@@ -20,7 +20,6 @@ const SHOWN: usize = 40;
 pub struct Place {
     folder: tempfile::TempDir,
     programs: PathBuf,
-    has_numpy: bool,
 }
 
 impl Place {
@@ -41,14 +40,7 @@ impl Place {
         for name in ["config", "tools"] {
             copy(&root().join(name), &folder.path().join(name));
         }
-        let mut place = Self {
-            folder,
-            programs,
-            has_numpy: false,
-        };
-        let numpy = place.bash("python3 -c 'import numpy'", "numpy");
-        place.has_numpy = numpy.is_ok();
-        place
+        Self { folder, programs }
     }
 
     /// Writes the block's file, or executes the block. The error is the fault in words.
@@ -61,9 +53,9 @@ impl Place {
         if block.no_run.is_some() || block.language != "sh" {
             return Ok(());
         }
-        if self.needs_numpy(block) && !self.has_numpy {
+        if let Some(package) = self.missing_package(block) {
             let text = format!(
-                "SKIPPED: line {}: NumPy is not installed; `tools/test` installs it\n",
+                "SKIPPED: line {}: {package} is not installed; `tools/test` installs it\n",
                 block.line
             );
             assert!(std::env::var("CI").as_deref() != Ok("true"), "{text}");
@@ -79,22 +71,31 @@ impl Place {
         self.bash(&script, "check")
     }
 
-    /// True if the block, or a script that it calls, imports NumPy.
-    fn needs_numpy(&self, block: &Block) -> bool {
+    /// The package of Python that the block, or a script that it calls, needs and that is not installed.
+    fn missing_package(&self, block: &Block) -> Option<&'static str> {
         let scripts = block
             .text
             .split_whitespace()
             .filter(|word| word.ends_with(".py"));
-        let texts =
-            scripts.filter_map(|name| fs::read_to_string(self.folder.path().join(name)).ok());
-        let imports = |line: &str| {
-            let line = line.trim();
-            let is_import = line.starts_with("import ") || line.starts_with("from ");
-            (is_import && line.contains("numpy")) || line == "import gusset"
-        };
-        texts
+        let texts: Vec<String> = scripts
+            .filter_map(|name| fs::read_to_string(self.folder.path().join(name)).ok())
             .chain([block.text.clone()])
-            .any(|text| text.lines().any(imports))
+            .collect();
+        let any = |is_wanted: &dyn Fn(&str) -> bool| {
+            let mut lines = texts.iter().flat_map(|text| text.lines());
+            lines.any(|line| is_wanted(line.trim()))
+        };
+        let is_import = |line: &str| line.starts_with("import ") || line.starts_with("from ");
+        let package = if any(&|line| line.starts_with("gusset import matrices")) {
+            "scipy"
+        } else if any(&|line| line == "import gusset" || is_import(line) && line.contains("numpy"))
+        {
+            "numpy"
+        } else {
+            return None;
+        };
+        let found = self.bash(&format!("python3 -c 'import {package}'"), "package");
+        found.is_err().then_some(package)
     }
 
     #[expect(
