@@ -1,0 +1,32 @@
+# Frame with an infill: a diagonal of Hysteretic, in kN, m and s.
+import openseespy.opensees as ops
+
+ops.wipe()
+ops.model("basic", "-ndm", 2, "-ndf", 3)
+ops.node(1, 0.0, 0.0)
+ops.node(2, 4.0, 0.0)
+ops.node(3, 0.0, 3.0)
+ops.node(4, 4.0, 3.0)
+ops.fix(1, 1, 1, 1)
+ops.fix(2, 1, 1, 1)
+ops.mass(3, 25.0, 25.0, 20.0)
+ops.mass(4, 25.0, 25.0, 20.0)
+ops.geomTransf("Linear", 1)
+ops.element("elasticBeamColumn", 1, 1, 3, 0.09, 3.0e7, 6.75e-4, 1)
+ops.element("elasticBeamColumn", 2, 2, 4, 0.09, 3.0e7, 6.75e-4, 1)
+ops.element("elasticBeamColumn", 3, 3, 4, 0.12, 3.0e7, 1.6e-3, 1)
+ops.uniaxialMaterial(
+    "Hysteretic", 1, 60.0, 0.002, 90.0, 0.01, 30.0, 0.05, -60.0, -0.002, -90.0, -0.01, -30.0, -0.05, 0.7, 0.3, 0.0, 0.0, 0.2
+)
+ops.element("twoNodeLink", 4, 1, 4, "-mat", 1, "-dir", 1)
+ops.rayleigh(0.5, 0.0, 0.0, 0.0)
+ops.timeSeries("Path", 2, "-dt", 0.02, "-filePath", "motion.txt", "-factor", 9.81)
+ops.pattern("UniformExcitation", 2, 1, "-accel", 2)
+ops.constraints("Plain")
+ops.numberer("RCM")
+ops.system("BandGeneral")
+ops.test("NormDispIncr", 1e-10, 50)
+ops.algorithm("KrylovNewton")
+ops.integrator("Newmark", 0.5, 0.25)
+ops.analysis("Transient")
+ops.analyze(2000, 0.005)

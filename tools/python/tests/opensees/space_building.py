@@ -1,0 +1,55 @@
+# One storey in space with a rigid floor and an eccentric mass, two components of motion; N, mm and s.
+import openseespy.opensees as ops
+
+ops.wipe()
+ops.model("basic", "-ndm", 3, "-ndf", 6)
+corners = ((0.0, 0.0), (6000.0, 0.0), (6000.0, 4000.0), (0.0, 4000.0))
+for i, (x, y) in enumerate(corners, 1):
+    ops.node(i, x, y, 0.0)
+    ops.fix(i, 1, 1, 1, 1, 1, 1)
+    ops.node(10 + i, x, y, 3500.0)
+ops.node(20, 3400.0, 2100.0, 3500.0)
+ops.fix(20, 0, 0, 1, 1, 1, 0)
+ops.rigidDiaphragm(3, 20, 11, 12, 13, 14)
+mass = 60.0
+ops.mass(20, mass, mass, 0.0, 0.0, 0.0, mass * (6000.0**2 + 4000.0**2) / 12)
+E, G = 2.0e5, 2.0e5 / 2.6
+ops.uniaxialMaterial("Steel02", 1, 300.0, E, 0.02, 20.0, 0.925, 0.15)
+ops.section("Fiber", 1, "-GJ", 1.0e12)
+for y in (-105.0, 105.0):
+    ops.patch("rect", 1, 2, 6, y - 8.0, -110.0, y + 8.0, 110.0)
+ops.patch("rect", 1, 6, 1, -97.0, -5.0, 97.0, 5.0)
+ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
+ops.beamIntegration("Lobatto", 1, 1, 4)
+for i in range(1, 5):
+    ops.element("forceBeamColumn", i, i, 10 + i, 1, 1)
+for tag, (i, j) in enumerate(((11, 12), (12, 13), (13, 14), (14, 11)), 11):
+    ops.element("elasticBeamColumn", tag, i, j, 8000.0, E, G, 5.0e5, 2.0e7, 1.5e8, 2)
+ops.timeSeries("Linear", 1)
+ops.pattern("Plain", 1, 1)
+for node in (11, 12, 13, 14):
+    ops.load(node, 0.0, 0.0, -1.2e5, 0.0, 0.0, 0.0)
+ops.constraints("Transformation")
+ops.numberer("RCM")
+ops.system("UmfPack")
+ops.test("NormDispIncr", 1e-9, 20)
+ops.algorithm("Newton")
+ops.integrator("LoadControl", 0.1)
+ops.analysis("Static")
+ops.analyze(10)
+ops.loadConst("-time", 0.0)
+ops.rayleigh(0.3, 0.0, 0.0, 0.0)
+ops.timeSeries("Path", 2, "-dt", 0.02, "-filePath", "motion.txt", "-factor", 9810.0)
+ops.timeSeries("Path", 3, "-dt", 0.02, "-filePath", "motion.txt", "-factor", 6000.0)
+ops.pattern("UniformExcitation", 2, 1, "-accel", 2)
+ops.pattern("UniformExcitation", 3, 2, "-accel", 3)
+ops.wipeAnalysis()
+ops.constraints("Transformation")
+ops.numberer("RCM")
+ops.system("UmfPack")
+ops.test("NormDispIncr", 1e-9, 20)
+ops.algorithm("Newton")
+ops.integrator("Newmark", 0.5, 0.25)
+ops.analysis("Transient")
+ops.analyze(1000, 0.01)
