@@ -96,6 +96,7 @@ pages! {
     concepts = "concepts", "concepts.md", Learn, false;
     scope = "scope", "scope.md", Learn, false;
     frames = "frames", "frames.md", Work, false;
+    import = "import", "import.md", Work, false;
     devices = "devices", "devices.md", Work, false;
     excitation = "excitation", "excitation.md", Work, false;
     actuators = "actuators", "actuators.md", Work, false;

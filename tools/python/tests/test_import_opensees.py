@@ -167,7 +167,8 @@ MISTAKES = [
         "frame.py:10: `element corotTruss",
     ),
     (
-        "ops.geomTransf('PDelta', 9)\nops.element('elasticBeamColumn', 2, 1, 2, 0.01, 2e8, 1e-4, 9)\nops.rayleigh(0.0, 0.001, 0.0, 0.0)",
+        "ops.geomTransf('PDelta', 9)\nops.element('elasticBeamColumn', 2, 1, 2, 0.01, 2e8, 1e-4, 9)\n"
+        "ops.rayleigh(0.0, 0.001, 0.0, 0.0)",
         "frame.py:11: `rayleigh 0.0 0.001`",
     ),
     ("1 / 0", "frame.py:9: division by zero"),
