@@ -1,5 +1,6 @@
 //! Findings and files of a build so far, and how it refuses: a finding at its place in the file.
 
+use super::reduction::Reduced;
 use super::{Dial, Trial};
 use gusset_config::{ConfigError, Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::{Corrected, RecordFacts, Scaled};
@@ -19,6 +20,8 @@ pub(super) struct Site<'a> {
     pub corrected: Vec<(String, Corrected)>,
     /// Result of `[excitation.scaling]`.
     pub scaled: Option<Scaled>,
+    /// The reduction of the structure.
+    pub reduced: Option<Reduced>,
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
@@ -44,6 +47,7 @@ pub(super) fn build<'a, T>(
         records: Vec::new(),
         corrected: Vec::new(),
         scaled: None,
+        reduced: None,
         doubts: Vec::new(),
         trial,
     };
