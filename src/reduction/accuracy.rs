@@ -8,6 +8,10 @@ use crate::{Reduction, ReductionError, dot, times};
 
 /// Part of its terms below which a difference is roundoff.
 const ROUNDOFF: f64 = 1e-12;
+/// Part of ω² by which modes with one sum of effective masses differ at most.
+const CLOSE: f64 = 1e-3;
+/// Modes beyond those that are compared, which may share a frequency with the last one.
+const BEYOND: usize = 2;
 
 /// The lowest modes of both models.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +27,8 @@ pub struct Accuracy {
 pub struct GroundShare {
     /// End of the name of the column of the ground; empty for the only one.
     pub suffix: String,
-    /// Sum of the effective masses up to each mode, as parts of the whole mass: of the full model, and of the reduced one.
+    /// Sum of the effective masses up to each mode, as parts of the whole mass: of the full model, and of the reduced one. Modes whose
+    /// frequencies are nearly equal have one sum, because their shapes are arbitrary.
     pub sums: Vec<[f64; 2]>,
 }
 
@@ -42,30 +47,37 @@ impl Reduction {
         let whole_stiffness = self.with_others(self.stiffness(), stiffness);
         let whole_mass = self.with_others(self.mass(), mass);
         let massive = (0..mass.n()).filter(|&row| !mass.row_is_zero(row)).count();
+        let found = (count + BEYOND).min(massive);
         let count = count.min(massive);
         let of = |stiffness: &SymMatrix, mass: &SymMatrix| -> Result<Lowest, ReductionError> {
             let mut factor = Factor::new(stiffness).map_err(ReductionError::Loose)?;
-            lowest(&mut factor, mass, count).ok_or(ReductionError::NotConverged(count))
+            lowest(&mut factor, mass, found).ok_or(ReductionError::NotConverged(found))
         };
         let both = [of(&whole_stiffness, &whole_mass)?, of(stiffness, mass)?];
+        let squared = &both[0].squared;
+        let last = |mode: usize| {
+            let apart = |at: &usize| squared[*at + 1] > (1.0 + CLOSE) * squared[*at];
+            (mode..found - 1).find(apart).unwrap_or(found - 1)
+        };
         let grounds = influences.iter().map(|(suffix, iota)| {
             let pull = times(&whole_mass, iota);
             let whole = dot(&pull, iota);
             let pulls = [pull.clone(), self.load(&pull)];
             let mut sums = [0.0; 2];
-            let each = (0..count).map(|mode| {
+            let each = (0..found).map(|mode| {
                 for ((sum, found), pull) in sums.iter_mut().zip(&both).zip(&pulls) {
                     let part = dot(found.shapes.column(mode).as_slice(), pull);
                     *sum += part * part / whole;
                 }
                 sums
             });
+            let each: Vec<[f64; 2]> = each.collect();
             GroundShare {
                 suffix: suffix.clone(),
-                sums: each.collect(),
+                sums: (0..count).map(|mode| each[last(mode)]).collect(),
             }
         });
-        let of_both = both[0].squared.iter().zip(&both[1].squared);
+        let of_both = squared.iter().zip(&both[1].squared).take(count);
         Ok(Accuracy {
             frequencies: of_both.map(|(a, b)| [a.sqrt(), b.sqrt()]).collect(),
             grounds: grounds.collect(),
