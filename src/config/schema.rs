@@ -166,7 +166,9 @@ impl StructureTable {
             KeptDof::Number(number) => number.checked_sub(1),
             KeptDof::Node(KeptNode { node, direction }) => {
                 let places = self.frame.as_ref()?.places();
-                places.iter().position(|place| (&place.0, &place.1) == (node, direction))
+                places
+                    .iter()
+                    .position(|place| (&place.0, &place.1) == (node, direction))
             }
         }
     }

@@ -39,7 +39,9 @@ pub enum ReductionError {
     #[error("the mass matrix is {0}")]
     Mass(NotPositiveDefinite),
     /// Too many shapes for the memory.
-    #[error("{shapes} shapes of {dofs} DOFs need too much memory: keep fewer DOFs, at most about {most}")]
+    #[error(
+        "{shapes} shapes of {dofs} DOFs need too much memory: keep fewer DOFs, at most about {most}"
+    )]
     TooLarge {
         /// Kept directions and modes.
         shapes: usize,
@@ -49,7 +51,9 @@ pub enum ReductionError {
         most: usize,
     },
     /// The iteration for the modes fails.
-    #[error("the lowest {0} modes did not converge: the stiffness is badly scaled, or there are fewer modes")]
+    #[error(
+        "the lowest {0} modes did not converge: the stiffness is badly scaled, or there are fewer modes"
+    )]
     NotConverged(usize),
 }
 
@@ -220,7 +224,11 @@ impl Reduction {
         for (to, mut shape) in (kept.len()..).zip(basis) {
             let largest = shape.iter().fold(0.0_f64, |most, x| {
                 // A later one must be clearly larger: roundoff does not decide the sign of a symmetric shape.
-                if x.abs() > most.abs() * (1.0 + 1e-9) { *x } else { most }
+                if x.abs() > most.abs() * (1.0 + 1e-9) {
+                    *x
+                } else {
+                    most
+                }
             });
             shape.iter_mut().for_each(|x| *x /= largest);
             all.column_mut(to).copy_from_slice(&shape);
@@ -300,7 +308,10 @@ impl Reduction {
         }
         let rows = (0..count).flat_map(|at| {
             let seen = self.load(&times(matrix, &self.column(at)));
-            seen.into_iter().take(at + 1).enumerate().map(move |(row, value)| (row, at, value))
+            seen.into_iter()
+                .take(at + 1)
+                .enumerate()
+                .map(move |(row, value)| (row, at, value))
         });
         SymMatrix::from_triplets(count, rows)
     }

@@ -87,7 +87,10 @@ pub(crate) fn lowest(factor: &mut Factor, mass: &SymMatrix, count: usize) -> Opt
         was_dry = false;
         let block = DMatrix::from_fn(n, basis.len() - first, |i, j| basis[first + j][i]);
         next = applied(factor, mass, &block);
-        products = next.column_iter().map(|image| times(mass, image.as_slice())).collect();
+        products = next
+            .column_iter()
+            .map(|image| times(mass, image.as_slice()))
+            .collect();
         for product in &products {
             inner.push(basis.iter().map(|v| dot(v, product)).collect());
         }

@@ -61,13 +61,16 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
         .or_else(|error| site.refuse(Finding::error(path("time"), error.to_string())))
 }
 
-/// The loads of a structure, and its static load if it has one: as the file gives it, and at its degrees of freedom.
+/// A static load as the file gives it, and at the degrees of freedom of the structure, in N.
+pub(super) type StaticLoads = [Vec<f64>; 2];
+
+/// The loads of a structure, and its static load if it has one.
 pub(super) fn excitation(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
     initial_stiffness: &SymMatrix,
-) -> Result<(Excitation, Option<[Vec<f64>; 2]>), Refused> {
+) -> Result<(Excitation, Option<StaticLoads>), Refused> {
     let n = structure.dofs();
     let given = site.dofs_of_file(n);
     let grid = grid(site)?;

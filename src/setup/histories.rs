@@ -128,7 +128,9 @@ pub(super) fn ground_load(
             (iota.to_vec(), load)
         }
     };
-    specimens.mass_in_force(n).subtract_product(&iota, &mut load);
+    specimens
+        .mass_in_force(n)
+        .subtract_product(&iota, &mut load);
     load
 }
 

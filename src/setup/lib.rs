@@ -261,7 +261,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     if let Some(share) = facts.structure.as_ref().and_then(|s| s.rest_damping_share) {
         named.integrator.rest_damping_share = Some(share);
     }
-    let reduce = named.structure.as_mut().and_then(|table| table.reduce.as_mut());
+    let reduce = named
+        .structure
+        .as_mut()
+        .and_then(|table| table.reduce.as_mut());
     if let (Some(reduce), Some(reduced)) = (reduce, &site.reduced) {
         reduce.keep.clone_from(&reduced.keep);
     }

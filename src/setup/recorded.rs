@@ -32,7 +32,10 @@ pub(super) fn record_dofs(
         None if dofs <= RECORD_ALL => Ok(all),
         None => {
             let mut some = specimens.dofs();
-            let last = site.reduced.as_ref().map_or(dofs, |one| one.reduction.kept().len());
+            let last = site
+                .reduced
+                .as_ref()
+                .map_or(dofs, |one| one.reduction.kept().len());
             some.extend([0, last.max(1) - 1]);
             some.sort_unstable();
             some.dedup();

@@ -7,9 +7,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{DofChoice, Finding, KeptDof, KeptNode, KeyPath, ReduceTable};
 use gusset_numerics::frame::FrameModel;
-use gusset_numerics::model::{
-    BuildError, ElementSpec, End, Linear, ModelError, StructureSpec,
-};
+use gusset_numerics::model::{BuildError, ElementSpec, End, Linear, ModelError, StructureSpec};
 use gusset_reduction::{Coordinate, Reduction, ReductionError};
 
 /// A reduction as the test file and the structure need it.
@@ -99,7 +97,11 @@ pub(super) fn reduced(
     ] {
         if found != n {
             let expected = n;
-            let error = ModelError::Size { what, expected, found };
+            let error = ModelError::Size {
+                what,
+                expected,
+                found,
+            };
             return Ok(Err(error.into()));
         }
     }
@@ -117,7 +119,10 @@ pub(super) fn reduced(
     if let Some((spec, model)) = &frame {
         let bent = spec.member.iter().filter(|member| member.p_delta);
         for node in bent.flat_map(|member| &member.nodes) {
-            let motions = spec.directions().iter().filter_map(|one| model.motion(node, *one));
+            let motions = spec
+                .directions()
+                .iter()
+                .filter_map(|one| model.motion(node, *one));
             kept.extend(motions.flatten().map(|(dof, _)| *dof));
         }
     }
@@ -127,7 +132,11 @@ pub(super) fn reduced(
             if dof >= n {
                 let element = element.name.clone();
                 let element = element.unwrap_or_else(|| format!("element {}", index + 1));
-                let error = ModelError::NoSuchDof { element, dof, dofs: n };
+                let error = ModelError::NoSuchDof {
+                    element,
+                    dof,
+                    dofs: n,
+                };
                 return Ok(Err(error.into()));
             }
             kept.insert(dof);
@@ -136,9 +145,19 @@ pub(super) fn reduced(
     kept.extend(specimens.touched());
     let file = &site.loaded.file;
     if let Some(table) = &file.structure {
-        let initial = [&table.initial_displacement_m, &table.initial_velocity_m_per_s];
-        let moved = initial.into_iter().flatten().flat_map(|one| one.iter().enumerate());
-        kept.extend(moved.filter(|(_, value)| **value != 0.0).map(|(dof, _)| dof));
+        let initial = [
+            &table.initial_displacement_m,
+            &table.initial_velocity_m_per_s,
+        ];
+        let moved = initial
+            .into_iter()
+            .flatten()
+            .flat_map(|one| one.iter().enumerate());
+        kept.extend(
+            moved
+                .filter(|(_, value)| **value != 0.0)
+                .map(|(dof, _)| dof),
+        );
     }
     if let Some(DofChoice::Listed(listed)) = &file.record.dofs {
         kept.extend(listed.iter().filter_map(|dof| dof.checked_sub(1)));
@@ -174,7 +193,9 @@ pub(super) fn reduced(
     linear.stiffness = reduction.project(reduction.stiffness());
     linear.damping = reduction.project(&linear.damping);
     linear.influence = reduction.motion(&linear.influence);
-    linear.damped = linear.damped.map(|both| both.map(|one| reduction.project(&one)));
+    linear.damped = linear
+        .damped
+        .map(|both| both.map(|one| reduction.project(&one)));
     // All of these are kept.
     let new = |dof: usize| reduction.place(dof).unwrap_or(usize::MAX);
     linear.members.renumber(new);
@@ -199,9 +220,9 @@ pub(super) fn reduced(
 fn named(one: &KeptDof, model: Option<&FrameModel>, n: usize) -> Result<Vec<usize>, String> {
     match (one, model) {
         (KeptDof::Number(dof), None) if (1..=n).contains(dof) => Ok(vec![dof - 1]),
-        (KeptDof::Number(dof), None) => {
-            Err(format!("DOF {dof} does not exist: the structure has {n}, counted from 1"))
-        }
+        (KeptDof::Number(dof), None) => Err(format!(
+            "DOF {dof} does not exist: the structure has {n}, counted from 1"
+        )),
         (KeptDof::Number(_), Some(_)) => {
             Err("a frame has no numbers here: give { node = \"…\", direction = \"…\" }".to_owned())
         }
@@ -228,8 +249,16 @@ fn named(one: &KeptDof, model: Option<&FrameModel>, n: usize) -> Result<Vec<usiz
 fn refuse_loads(site: &mut Site<'_>) -> Result<(), Refused> {
     let (at, table): (KeyPath, _) = (path("excitation"), &site.loaded.file.excitation);
     for (key, is_given, instead) in [
-        ("base_displacement", table.base_displacement.is_some(), "ground_acceleration"),
-        ("support_motion", !table.support_motion.is_empty(), "ground_acceleration"),
+        (
+            "base_displacement",
+            table.base_displacement.is_some(),
+            "ground_acceleration",
+        ),
+        (
+            "support_motion",
+            !table.support_motion.is_empty(),
+            "ground_acceleration",
+        ),
         ("nodal_table", table.nodal_table.is_some(), "nodal_force"),
     ] {
         if is_given {

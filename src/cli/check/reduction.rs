@@ -28,7 +28,10 @@ pub(super) fn tabulate(
         facts.modes,
     );
     if facts.modes > 0 {
-        text.push_str(&format!(" up to {} Hz", number(facts.reduction.highest() / TAU)));
+        text.push_str(&format!(
+            " up to {} Hz",
+            number(facts.reduction.highest() / TAU)
+        ));
     }
     if let shapes @ 1.. = structure.dofs - kept - facts.modes {
         text.push_str(&format!(", {shapes} shapes of kept DOFs without mass"));
@@ -80,7 +83,9 @@ pub(super) fn as_json(
         return Value::Null;
     };
     let known = accuracy.and_then(|one| one.as_ref().ok());
-    let modes = known.iter().flat_map(|one| one.frequencies.iter().enumerate());
+    let modes = known
+        .iter()
+        .flat_map(|one| one.frequencies.iter().enumerate());
     let modes = modes.map(|(mode, [full, reduced])| {
         let grounds = known.iter().flat_map(|one| &one.grounds);
         let masses = grounds.map(|ground| {

@@ -134,7 +134,8 @@ fn both(
     let full = match &reduction {
         Some(reduction) if is_referred => {
             let work = steps.saturating_mul(reduction.full() as u64);
-            let is_short = work <= MOST && work.saturating_mul(by_method.work(2) / dofs as u64) <= most;
+            let is_short =
+                work <= MOST && work.saturating_mul(by_method.work(2) / dofs as u64) <= most;
             is_short.then(|| full(loaded, lambda)).transpose()?
         }
         _ => None,

@@ -565,7 +565,9 @@ impl Members {
 
     /// Degrees of freedom between which members lie.
     pub fn dofs(&self) -> impl Iterator<Item = usize> {
-        self.each.iter().flat_map(|member| member.place.dofs.iter().copied())
+        self.each
+            .iter()
+            .flat_map(|member| member.place.dofs.iter().copied())
     }
 
     /// Numbers the degrees of freedom anew: `new` has the new number of each old one.
