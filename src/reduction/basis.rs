@@ -22,7 +22,7 @@ pub enum ReductionError {
     #[error("all {0} DOFs are kept, so nothing is reduced: remove `reduce`, or keep fewer DOFs")]
     Nothing(usize),
     /// More modes than the interior has.
-    #[error("{asked} modes are asked for, but the DOFs that are not kept have only {most}")]
+    #[error("`modes` is {asked}, but the DOFs that are not kept have only {most} modes")]
     Modes {
         /// As given.
         asked: usize,

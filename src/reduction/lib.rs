@@ -6,7 +6,7 @@
 //!
 //! [`Reduction`] holds the shapes Ψ as columns and makes Ψᵀ A Ψ of a matrix, Ψᵀ f of a load, and the coordinates of a motion.
 //! A kept direction without mass stays without mass: its static shape moves massless directions alone, and the part of the shape
-//! that has mass becomes a coordinate of its own. [`Reduction::accuracy`] compares the lowest modes with those of the full model.
+//! that has mass becomes a further coordinate. [`Reduction::accuracy`] compares the lowest modes with those of the full model.
 //!
 //! This member knows no file, no test and no time step. It solves by sparse factors and never fills a matrix of the full model.
 //! One thread does all the work, so equal input gives equal bits. Begin reading with [`Reduction::new`].

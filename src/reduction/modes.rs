@@ -26,7 +26,7 @@ pub(crate) struct Lowest {
     pub(crate) shapes: DMatrix<f64>,
 }
 
-/// The `count` lowest modes, of which there must be as many; `None` if the iteration does not settle.
+/// The `count` lowest modes, at most as many as directions have mass. `None` if the iteration does not settle.
 pub(crate) fn lowest(factor: &mut Factor, mass: &SymMatrix, count: usize) -> Option<Lowest> {
     let n = mass.n();
     let massive = (0..n).filter(|&row| !mass.row_is_zero(row)).count();
@@ -74,7 +74,7 @@ pub(crate) fn lowest(factor: &mut Factor, mass: &SymMatrix, count: usize) -> Opt
             }
         }
         if is_dry {
-            // The space is exhausted: a new one begins, unless there is none.
+            // The space is exhausted. A second random block in vain ends the search.
             if was_dry {
                 return None;
             }

@@ -68,7 +68,7 @@ impl Site<'_> {
     }
 }
 
-/// Reduces the matrices of a structure, and numbers its elements and specimens anew.
+/// Reduces the matrices of a structure. Its elements and specimens get the numbers of the reduced one.
 pub(super) fn reduced(
     site: &mut Site<'_>,
     reduce: &ReduceTable,

@@ -240,7 +240,7 @@ impl Specimens {
         rows.flatten().map(|(dof, _)| *dof)
     }
 
-    /// Numbers the DOFs of all rows anew.
+    /// Gives the DOFs of all rows other numbers.
     pub(super) fn renumber(&mut self, new: impl Fn(usize) -> usize) {
         for entry in &mut self.0 {
             let axes = entry.axes.iter_mut().map(|axis| &mut axis.row);

@@ -84,12 +84,15 @@ pub fn errors(
     }))
 }
 
-/// The errors of method, coupling and, with a reduction, of it; or why none is known.
+/// The errors of method and coupling, and that of a reduction.
+type Found = (TestError, TestError, Option<TestError>);
+
+/// The errors of a test, or why none is known.
 fn both(
     loaded: &Loaded,
     lambda: Option<f64>,
     unknown: Option<&str>,
-) -> Result<Result<(TestError, TestError, Option<TestError>), String>, ConfigError> {
+) -> Result<Result<Found, String>, ConfigError> {
     let silent = loaded.file.specimen.iter();
     let mut silent = silent.filter(|table| StandIn::of(table) == StandIn::Nothing);
     if let Some(table) = silent.next() {

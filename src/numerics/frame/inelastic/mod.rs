@@ -570,7 +570,7 @@ impl Members {
             .flat_map(|member| member.place.dofs.iter().copied())
     }
 
-    /// Numbers the degrees of freedom anew: `new` has the new number of each old one.
+    /// Gives the degrees of freedom other numbers: `new` has the new number of each old one.
     pub fn renumber(&mut self, new: impl Fn(usize) -> usize) {
         for member in &mut self.each {
             let own = member.place.dofs.iter_mut();
