@@ -7,7 +7,7 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use super::gear::scaled;
-use super::reduction::Reduced;
+use super::reduced::Reduced;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, proof, site, specimens, structure};
 use gusset_config::{ConfigError, LambdaValue, Loaded};

@@ -27,6 +27,7 @@ mod plausible;
 mod prescribed;
 mod proof;
 mod recorded;
+mod reduced;
 mod reduction;
 mod remote;
 mod safety;

@@ -1,72 +1,14 @@
-//! The reduction of a structure: which DOFs are kept, and what the file says of the full model in coordinates of the reduced one.
+//! The reduction of a structure: which DOFs are kept, and the matrices of the reduced model.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
+use super::reduced::Reduced;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{DofChoice, Finding, KeptDof, KeptNode, KeyPath, ReduceTable};
 use gusset_numerics::frame::FrameModel;
 use gusset_numerics::model::{BuildError, ElementSpec, End, Linear, ModelError, StructureSpec};
-use gusset_reduction::{Coordinate, Reduction, ReductionError};
-
-/// A reduction as the test file and the structure need it.
-#[derive(Debug, Clone)]
-pub(super) struct Reduced {
-    pub(super) reduction: Arc<Reduction>,
-    /// Kept DOFs that the file names.
-    pub(super) named: usize,
-    /// All kept DOFs, in order.
-    pub(super) keep: Vec<KeptDof>,
-    /// Influence vector of each component of the ground, with the end of the name of its column.
-    pub(super) grounds: Vec<(String, Vec<f64>)>,
-}
-
-impl Reduced {
-    /// Each degree of freedom of the reduced structure in words.
-    pub(super) fn places(&self) -> Vec<String> {
-        let table = ReduceTable {
-            modes: self.modes(),
-            keep: self.keep.clone(),
-        };
-        let all = 0..self.reduction.coordinates().len();
-        all.map(|dof| table.place(dof)).collect()
-    }
-
-    pub(super) fn modes(&self) -> usize {
-        let all = self.reduction.coordinates().iter();
-        all.filter(|one| matches!(one, Coordinate::Mode(_))).count()
-    }
-
-    /// Those of the listed DOFs of the full model that are kept, in the numbers of the reduced one.
-    pub(super) fn of_model(&self, dofs: &[usize]) -> Vec<usize> {
-        let kept = dofs.iter().filter_map(|&dof| self.reduction.place(dof));
-        kept.collect()
-    }
-}
-
-impl Site<'_> {
-    /// Entries that a vector of the test file has, in a structure of `n` degrees of freedom.
-    pub(super) fn dofs_of_file(&self, n: usize) -> usize {
-        self.reduced.as_ref().map_or(n, |one| one.reduction.full())
-    }
-
-    /// A load of the test file at the degrees of freedom of the structure.
-    pub(super) fn load(&self, given: Vec<f64>) -> Vec<f64> {
-        match &self.reduced {
-            Some(one) => one.reduction.load(&given),
-            None => given,
-        }
-    }
-
-    /// A motion of the test file at the degrees of freedom of the structure.
-    pub(super) fn motion(&self, given: Vec<f64>) -> Vec<f64> {
-        match &self.reduced {
-            Some(one) => one.reduction.motion(&given),
-            None => given,
-        }
-    }
-}
+use gusset_reduction::{Reduction, ReductionError};
 
 /// Reduces the matrices of a structure. Its elements and specimens get the numbers of the reduced one.
 pub(super) fn reduced(
