@@ -6,6 +6,7 @@ mod frame;
 mod json;
 mod needs;
 mod next;
+mod reduction;
 mod served;
 mod verbose;
 
@@ -21,6 +22,7 @@ use gusset_config::Loaded;
 use gusset_numerics::frame::FrameSpec;
 use gusset_proof::Spectrum;
 use gusset_proof::{Outcome, RecordedVerdict};
+use gusset_reduction::Accuracy;
 use gusset_session::Judged;
 use gusset_session::certificate::Certificate;
 use gusset_setup as setup;
@@ -70,6 +72,10 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         judged: &judged,
         spectrum: spectrum.as_ref(),
         certificate: certificate.as_ref(),
+        accuracy: judged.test.facts.structure.as_ref().and_then(|structure| {
+            let reduction = structure.reduction.as_ref()?;
+            Some(reduction.accuracy().map_err(|error| error.to_string()))
+        }),
     };
     if args.json {
         let found = json::document(&checked);
@@ -92,6 +98,8 @@ struct Checked<'a> {
     judged: &'a Judged,
     spectrum: Option<&'a Spectrum>,
     certificate: Option<&'a Certificate>,
+    /// The modes of a reduced structure beside those of its full model, or why they are not known.
+    accuracy: Option<Result<Accuracy, String>>,
 }
 
 impl Checked<'_> {

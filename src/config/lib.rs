@@ -109,7 +109,8 @@ pub use recorded::{RecordedFile, word};
 pub use resolve::{ResolveError, resolve, resolve_again};
 pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
-    GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
+    GravityTable, IntegratorTable, KeptDof, KeptNode, Method, RecordTable, ReduceTable, Start,
+    StructureTable, TestFile, Weighting,
 };
 pub use script::parse_script;
 pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};

@@ -13,7 +13,7 @@ use super::specimen::SpecimenTable;
 use super::timetable::TimeTable;
 use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};
-use gusset_numerics::frame::FrameSpec;
+use gusset_numerics::frame::{Direction, FrameSpec};
 use gusset_numerics::model::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ShearBuildingSpec, StructureSpec,
 };
@@ -94,12 +94,56 @@ pub struct StructureTable {
     /// Nonlinear springs and dampers between two DOFs, or between a DOF and the ground.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub element: Vec<ElementSpec>,
+    /// Reduction of `matrices` or `frame` to some DOFs and modes, after Craig and Bampton. All DOF
+    /// numbers of this file stay those of the full model. Default: no reduction.
+    pub reduce: Option<ReduceTable>,
+}
+
+/// Reduction of the linear part of a structure. A DOF that a specimen, an element, a link, a member
+/// that is not linear, an initial value or `record.dofs` touches is always kept. More: guide, import.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReduceTable {
+    /// Number of modes of the other DOFs, with all kept DOFs fixed. 0 is the static condensation of
+    /// Guyan.
+    #[schemars(example = 20)]
+    pub modes: usize,
+    /// Further DOFs to keep: numbers from 1 for `matrices`, nodes and directions for `frame`.
+    /// Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(example = [120, 240])]
+    pub keep: Vec<KeptDof>,
+}
+
+/// A DOF that a reduction keeps: a number from 1, or a node of a frame and a direction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum KeptDof {
+    /// Number of a DOF of `matrices`, from 1.
+    Number(usize),
+    /// Motion of a node of `frame`.
+    Node(KeptNode),
+}
+
+/// Motion of a node that a reduction keeps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct KeptNode {
+    /// Name of the node.
+    #[schemars(example = &"A1")]
+    pub node: String,
+    /// Direction of the motion.
+    pub direction: Direction,
 }
 
 impl StructureTable {
-    /// A degree of freedom, from 1, in words: "DOF 2", or "DOF 2 (A1 x)" in a frame.
+    /// A degree of freedom, from 1, in words: "DOF 2", or "DOF 2 (A1 x)" in a frame. Of a reduced structure this is right for the
+    /// file of a run, in which `keep` has all DOFs that are kept.
     #[must_use]
     pub fn dof_in_words(&self, dof: usize) -> String {
+        if let Some(reduce) = &self.reduce {
+            return format!("DOF {dof} ({})", reduce.place(dof - 1));
+        }
         let places = self
             .frame
             .as_ref()
@@ -108,6 +152,24 @@ impl StructureTable {
         match dof.checked_sub(1).and_then(|place| places.get(place)) {
             Some((node, direction)) => format!("DOF {dof} ({node} {})", direction.word()),
             None => format!("DOF {dof}"),
+        }
+    }
+
+    /// The DOF of the full model, from 0, that a DOF of the structure is; `None` for a mode of a reduced structure. Right for the file
+    /// of a run, as [`Self::dof_in_words`].
+    #[must_use]
+    pub fn dof_of_model(&self, dof: usize) -> Option<usize> {
+        let Some(reduce) = &self.reduce else {
+            return Some(dof);
+        };
+        match reduce.keep.get(dof)? {
+            KeptDof::Number(number) => number.checked_sub(1),
+            KeptDof::Node(KeptNode { node, direction }) => {
+                let places = self.frame.as_ref()?.places();
+                places
+                    .iter()
+                    .position(|place| (&place.0, &place.1) == (node, direction))
+            }
         }
     }
 
@@ -135,6 +197,24 @@ impl StructureTable {
             .or_else(|| Some(("matrices", matrices()?)))
             .or_else(|| Some(("chain", chain()?)))
             .or_else(|| Some(("frame", StructureSpec::Frame(self.frame.clone()?))))
+    }
+}
+
+impl ReduceTable {
+    /// A degree of freedom of the reduced structure, from 0, where `keep` has all kept ones in their order: "A1 x", "model DOF 12",
+    /// "mode 3" or "shape 1".
+    #[must_use]
+    pub fn place(&self, dof: usize) -> String {
+        match self.keep.get(dof) {
+            Some(KeptDof::Number(number)) => format!("model DOF {number}"),
+            Some(KeptDof::Node(KeptNode { node, direction })) => {
+                format!("{node} {}", direction.word())
+            }
+            None => match dof - self.keep.len() {
+                mode if mode < self.modes => format!("mode {}", mode + 1),
+                shape => format!("shape {}", shape - self.modes + 1),
+            },
+        }
     }
 }
 

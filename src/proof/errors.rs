@@ -25,6 +25,9 @@ pub struct Errors {
     pub method: TestError,
     /// Error of the coupling: the rehearsed test against the test with ideal specimens, by the method of the test.
     pub coupling: TestError,
+    /// Error of the reduction of the structure, against the full model by the reference of the method. Null without a reduction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reduction: Option<TestError>,
     /// Damping that the actuators add to each mode. Empty without actuators.
     pub modes: Vec<AddedDamping>,
     /// Error of a largest drift from which it is a finding, as a share.
@@ -217,6 +220,7 @@ impl Errors {
         Self {
             method: TestError::not_known(why),
             coupling: TestError::not_known(why),
+            reduction: None,
             modes: Vec::new(),
             warn,
             refuse,
@@ -256,19 +260,25 @@ impl Errors {
         error.is_below(self.warn) && error.nrmse.is_none_or(|nrmse| nrmse <= self.refuse)
     }
 
-    /// Both errors in one row.
+    /// All errors in one row.
     #[must_use]
     pub fn words(&self) -> String {
         let [method, coupling] = [&self.method, &self.coupling].map(|error| error.in_short(""));
+        let mut text = format!("largest drift: method {method}; coupling {coupling}");
         if self.method.not_known.is_some() && method == coupling {
-            return method;
+            text = method;
         }
-        format!("largest drift: method {method}; coupling {coupling}")
+        if let Some(reduction) = &self.reduction {
+            text.push_str(&format!("; reduction {}", reduction.in_short("")));
+        }
+        text
     }
 
-    /// Both errors with their names.
+    /// All errors with their names.
     pub fn each(&self) -> impl Iterator<Item = (&'static str, &TestError)> {
-        [("method", &self.method), ("coupling", &self.coupling)].into_iter()
+        let both = [("method", &self.method), ("coupling", &self.coupling)];
+        let reduction = self.reduction.iter().map(|error| ("reduction", error));
+        both.into_iter().chain(reduction)
     }
 
     /// The findings on these errors. `is_stable`: the loop is proven stable, or unstable. An unstable loop is an error by itself:
@@ -277,10 +287,15 @@ impl Errors {
     pub fn findings(&self, is_stable: Option<bool>, method_grows: bool) -> Vec<(Kind, Finding)> {
         let mut findings = Vec::new();
         let root = KeyPath::root();
-        let places = [root.key("integrator"), root.key("specimen").index(0)];
+        let places = [
+            root.key("integrator"),
+            root.key("specimen").index(0),
+            root.key("structure").key("reduce"),
+        ];
         let helps = [
             "reduce the error with a shorter step, a smaller `lambda`, or a smaller reference damping",
             "compensate the lag, use a faster actuator, or run the test at its own velocities",
+            "reduce the error with more `modes`, or `keep` more DOFs",
         ];
         for (((name, error), at), help) in self.each().zip(places).zip(helps) {
             if let Some(why) = &error.not_known {
@@ -297,6 +312,7 @@ impl Errors {
             let text = format!("the error of the {name} is {}", error.words());
             let follows = match name {
                 "method" => method_grows,
+                "reduction" => false,
                 _ => is_stable == Some(false),
             };
             let finding = if drift > self.refuse && !follows {

@@ -246,8 +246,12 @@ impl<'a> Described<'a> {
                 continue;
             };
             let dof = dof as usize - 1;
-            let mut terms = Vec::new();
-            self.accel(dof, 1.0, &mut terms);
+            let table = self.file.structure.as_ref();
+            let Some(of_model) = table.and_then(|table| table.dof_of_model(dof)) else {
+                continue;
+            };
+            let mut terms = vec![(ACCEL.of_dof(dof + 1), 1.0)];
+            terms.extend(self.grounds(of_model));
             let also = if is_absolute {
                 ", which is the recorded one: the base or a support is displaced"
             } else {

@@ -61,14 +61,18 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
         .or_else(|error| site.refuse(Finding::error(path("time"), error.to_string())))
 }
 
+/// A static load as the file gives it, and at the degrees of freedom of the structure, in N.
+pub(super) type StaticLoads = [Vec<f64>; 2];
+
 /// The loads of a structure, and its static load if it has one.
 pub(super) fn excitation(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
     initial_stiffness: &SymMatrix,
-) -> Result<(Excitation, Option<Vec<f64>>), Refused> {
+) -> Result<(Excitation, Option<StaticLoads>), Refused> {
     let n = structure.dofs();
+    let given = site.dofs_of_file(n);
     let grid = grid(site)?;
     let mut excitation = Excitation::none(n, grid.steps());
     let table = &site.loaded.file.excitation;
@@ -100,10 +104,11 @@ pub(super) fn excitation(
     for (index, force) in table.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let pattern = match (&force.dofs, &force.pattern) {
-            (Some(dofs), _) => spread(site, &at.key("dofs"), dofs, n)?,
-            (None, Some(pattern)) => sized(site, &at.key("pattern"), pattern.clone(), n)?,
-            (None, None) => vec![0.0; n],
+            (Some(dofs), _) => spread(site, &at.key("dofs"), dofs, given)?,
+            (None, Some(pattern)) => sized(site, &at.key("pattern"), pattern.clone(), given)?,
+            (None, None) => vec![0.0; given],
         };
+        let pattern = site.load(pattern);
         let history = motion(&force.signal, &force.processing);
         let series = series(site, &at, &history, Quantity::Force, grid)?;
         warn_of_nothing(site, at.clone(), [&pattern, &series]);
@@ -116,11 +121,12 @@ pub(super) fn excitation(
         warn_of_nothing(site, at.clone(), [&[1.0], &table.values]);
         excitation = added(site, &at, || excitation.with_table(table))?;
     }
-    let load = static_load(site, structure)?;
-    if let Some(load) = load.clone() {
+    let given = static_load(site, structure)?;
+    let loads = given.map(|given| [given.clone(), site.load(given)]);
+    if let Some([_, load]) = loads.clone() {
         excitation = added(site, &path("structure"), || excitation.with_constant(load))?;
     }
-    Ok((excitation, load))
+    Ok((excitation, loads))
 }
 
 /// A force on every DOF, from a file whose columns are taken in order. A warning reports names that contradict this
@@ -260,7 +266,7 @@ fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<
     if given.is_none() && gravity.is_none() && of_nodes.is_none() {
         return Ok(None);
     }
-    let n = structure.dofs();
+    let n = site.dofs_of_file(structure.dofs());
     let mut load = vector(site, "static_load_n", given, n)?;
     for (to, from) in load
         .iter_mut()
@@ -275,7 +281,11 @@ fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<
             .iter()
             .map(|iota| -iota * gravity.accel_m_per_s2)
             .collect();
-        structure.mass().subtract_product(&pull, &mut load);
+        let mass = match &site.reduced {
+            Some(one) => one.reduction.mass(),
+            None => structure.mass(),
+        };
+        mass.subtract_product(&pull, &mut load);
     }
     Ok(Some(load))
 }

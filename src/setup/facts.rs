@@ -2,13 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use gusset_config::{ClockChoice, Method, TimingSpec};
 use gusset_motion::{Corrected, Ground, RecordFacts, Scaled};
 use gusset_numerics::frame::MemberUse;
 use gusset_numerics::integrate::Lambda;
+use gusset_numerics::linalg::SymMatrix;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
 use gusset_record::summary::LimitFacts;
+use gusset_reduction::{Accuracy, Reduction, ReductionError};
+
+/// Modes of which a reduced model is compared with the full one.
+const COMPARED: usize = 6;
 
 /// Facts about a test before it runs.
 #[derive(Debug, Clone)]
@@ -86,6 +92,8 @@ pub struct StructureFacts {
     pub places: Vec<String>,
     /// The frame under its static loads; none for other structures.
     pub frame: Option<FrameFacts>,
+    /// The reduction of the structure; none without it.
+    pub reduction: Option<ReductionFacts>,
     /// Damping along the axes of specimens by the damping rule; none without a rule or a specimen.
     pub rule_damping: Option<RuleDamping>,
     /// The integration method.
@@ -140,6 +148,31 @@ impl GroundFacts {
             suffix: ground.suffix.clone(),
             peak: accel.fold(0.0, |most: f64, value| most.max(value.abs())),
         }
+    }
+}
+
+/// Facts about the reduction of a structure.
+#[derive(Debug, Clone)]
+pub struct ReductionFacts {
+    /// The reduced model.
+    pub reduction: Arc<Reduction>,
+    /// Kept DOFs that the file names.
+    pub named: usize,
+    /// Modes with all kept DOFs fixed.
+    pub modes: usize,
+    pub(super) at_rest: SymMatrix,
+    pub(super) mass: SymMatrix,
+    pub(super) grounds: Vec<(String, Vec<f64>)>,
+}
+
+impl ReductionFacts {
+    /// The lowest modes of both models, at rest.
+    ///
+    /// # Errors
+    /// The full model has a motion without stiffness, or its modes are not found.
+    pub fn accuracy(&self) -> Result<Accuracy, ReductionError> {
+        let of_reduced = [&self.at_rest, &self.mass];
+        (self.reduction).accuracy(of_reduced, &self.grounds, COMPARED)
     }
 }
 

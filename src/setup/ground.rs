@@ -21,14 +21,15 @@ pub(super) fn ground(
     let factor = scaled.as_ref().map_or(1.0, |scaled| scaled.factor);
     site.scaled = scaled;
     let mut accels = Vec::new();
-    let mut patterns = Vec::new();
+    let (mut patterns, mut influences) = (Vec::new(), Vec::new());
     for (index, component) in grounds.all().iter().enumerate() {
         let at = grounds.place(&at, index);
         let iota = influence(site, &at, component, structure)?;
         let mut motion = component.motion();
         motion.processing.scale_factor *= factor;
         let accel = series(site, &at, &motion, Quantity::Acceleration, grid)?;
-        let pattern = ground_load(structure, specimens, &iota);
+        let pattern = ground_load(site, structure, specimens, &iota);
+        influences.push(iota);
         warn_of_nothing(site, at, [&pattern, &accel]);
         accels.push(accel);
         patterns.push(pattern);
@@ -44,6 +45,11 @@ pub(super) fn ground(
     }
     let mut tracks = Vec::new();
     for track in grounds.tracks() {
+        // All components of a column have one influence vector.
+        let iota = track.components.first().map(|index| &influences[*index]);
+        if let (Some(reduced), Some(iota)) = (&mut site.reduced, iota) {
+            reduced.grounds.push((track.suffix.clone(), iota.clone()));
+        }
         let own = track.components.iter();
         let sum = own.clone().fold(None, |sum: Option<Vec<f64>>, index| {
             let next = &accels[*index];
@@ -83,9 +89,11 @@ fn influence(
 ) -> Result<Vec<f64>, Refused> {
     let table = site.loaded.file.structure.as_ref();
     let spec = table.and_then(|table| table.kind()).map(|(_, spec)| spec);
-    let own = spec.and_then(|spec| component.influence_in(&spec));
-    let iota = own.unwrap_or_else(|| structure.influence().to_vec());
-    sized(site, &at.key("influence"), iota, structure.dofs())
+    let own = spec.as_ref().and_then(|spec| component.influence_in(spec));
+    let n = site.dofs_of_file(structure.dofs());
+    let given = spec.as_ref().and_then(|spec| spec.influence());
+    let iota = own.or(given).unwrap_or_else(|| vec![1.0; n]);
+    sized(site, &at.key("influence"), iota, n)
 }
 
 /// The factor of `[excitation.scaling]`; none without it.

@@ -113,12 +113,24 @@ pub(super) fn added(
 
 /// −M ι with the mass of the specimens whose inertia is inside the measured force: they load the structure although they
 /// are not counted in M.
-pub(super) fn ground_load(structure: &Structure, specimens: &Specimens, iota: &[f64]) -> Vec<f64> {
-    let mut load = vec![0.0; iota.len()];
-    structure.mass().subtract_product(iota, &mut load);
+pub(super) fn ground_load(
+    site: &Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    iota: &[f64],
+) -> Vec<f64> {
+    let n = structure.dofs();
+    let (iota, mut load) = match &site.reduced {
+        Some(one) => (one.reduction.motion(iota), one.reduction.ground_load(iota)),
+        None => {
+            let mut load = vec![0.0; n];
+            structure.mass().subtract_product(iota, &mut load);
+            (iota.to_vec(), load)
+        }
+    };
     specimens
-        .mass_in_force(iota.len())
-        .subtract_product(iota, &mut load);
+        .mass_in_force(n)
+        .subtract_product(&iota, &mut load);
     load
 }
 

@@ -4,8 +4,10 @@
 //! or linear ones, and they receive the velocities of the test. Nothing here is on the real-time path.
 
 use std::cell::{Cell, RefCell};
+use std::sync::Arc;
 
 use super::gear::scaled;
+use super::reduced::Reduced;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, proof, site, specimens, structure};
 use gusset_config::{ConfigError, LambdaValue, Loaded};
@@ -18,6 +20,7 @@ use gusset_numerics::integrate::{
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::{Base, Motion, Structure};
 use gusset_quantity::frame::AtStructure;
+use gusset_reduction::Reduction;
 
 /// Parts in which a static load is applied.
 const PARTS: u32 = 20;
@@ -42,6 +45,7 @@ pub struct Ideal {
     stiffness: SymMatrix,
     state: State,
     load: Option<Vec<f64>>,
+    reduced: Option<Reduced>,
     stepper: Stepper,
     dt: f64,
 }
@@ -111,9 +115,8 @@ pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, Config
 
 fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
     let mut specimens = specimens::specimens(site)?;
-    let mut structure = structure::structure(site, &specimens)?;
+    let mut structure = structure::structure(site, &mut specimens)?;
     let n = structure.dofs();
-    specimens.check_rows(site, n)?;
     let dt = site.loaded.time.step.value();
     let stiffness = structure
         .reference_stiffness()
@@ -135,7 +138,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
             method::family(site, &structure, &initial, lambda, massless)?.0
         }
     };
-    let (excitation, load) = excitation::excitation(site, &structure, &specimens, &stiffness)?;
+    let (excitation, loads) = excitation::excitation(site, &structure, &specimens, &stiffness)?;
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
@@ -154,7 +157,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
         damping,
         stiffness,
         state,
-        load,
+        load: loads.map(|[_, load]| load),
+        reduced: site.reduced.take(),
         stepper,
         dt,
     })
@@ -165,6 +169,19 @@ impl Ideal {
     #[must_use]
     pub fn dofs(&self) -> usize {
         self.system.structure.dofs()
+    }
+
+    /// Displacement at t = 0 in m or rad, from the position under the static load.
+    #[must_use]
+    pub fn initial(&self) -> &[f64] {
+        &self.state.disp
+    }
+
+    /// The reduction of its structure, and its degrees of freedom in words; none without it.
+    #[must_use]
+    pub fn reduction(&self) -> Option<(Arc<Reduction>, Vec<String>)> {
+        let reduced = self.reduced.as_ref()?;
+        Some((Arc::clone(&reduced.reduction), reduced.places()))
     }
 
     /// ι of the structure.

@@ -27,6 +27,8 @@ mod plausible;
 mod prescribed;
 mod proof;
 mod recorded;
+mod reduced;
+mod reduction;
 mod remote;
 mod safety;
 mod served;
@@ -41,8 +43,9 @@ mod trial;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
-pub use facts::{Facts, FrameFacts, GroundFacts, RuleDamping, StructureFacts};
+pub use facts::{Facts, FrameFacts, GroundFacts, ReductionFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
@@ -259,6 +262,13 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     if let Some(share) = facts.structure.as_ref().and_then(|s| s.rest_damping_share) {
         named.integrator.rest_damping_share = Some(share);
     }
+    let reduce = named
+        .structure
+        .as_mut()
+        .and_then(|table| table.reduce.as_mut());
+    if let (Some(reduce), Some(reduced)) = (reduce, &site.reduced) {
+        reduce.keep.clone_from(&reduced.keep);
+    }
     let resolved = gusset_config::resolve(&named, facts.lambda(), &site.inputs)
         .or_else(|error| site.refuse(Finding::error(KeyPath::root(), error.to_string())))?;
     let inputs = site.inputs.files().iter();
@@ -328,7 +338,6 @@ fn numerical(
 ) -> Result<(Numerical, Option<StaticLoad>, StructureFacts), Refused> {
     let mut structure = structure::structure(site, specimens)?;
     let n = structure.dofs();
-    specimens.check_rows(site, n)?;
     let dt = site.loaded.time.step.value();
     let initial_stiffness = structure
         .reference_stiffness()
@@ -379,11 +388,11 @@ fn numerical(
     if let Some(condition) = condition {
         method::warn_of_digits(site, condition);
     }
-    let (excitation, load) =
+    let (excitation, loads) =
         excitation::excitation(site, &structure, specimens, &initial_stiffness)?;
-    let frame = frames::facts(site, load.as_deref())?;
-    let settling = match load {
-        Some(load) => Some(settle(
+    let frame = frames::facts(site, loads.as_ref().map(|[given, _]| &given[..]))?;
+    let settling = match loads {
+        Some([_, load]) => Some(settle(
             site,
             load,
             &initial_stiffness,
@@ -394,6 +403,17 @@ fn numerical(
         None => None,
     };
     let state = structure::initial_state(site, &mut structure, &at_rest)?;
+    let reduction = site.reduced.as_ref().map(|one| ReductionFacts {
+        reduction: Arc::clone(&one.reduction),
+        named: one.named,
+        modes: one.modes(),
+        at_rest: at_rest.clone(),
+        mass: match specimens.late_mass(n) {
+            Some(late) => structure.mass().plus(1.0, &late),
+            None => structure.mass().clone(),
+        },
+        grounds: one.grounds.clone(),
+    });
     let matrices = Matrices {
         mass: structure.mass().clone(),
         at_rest: AtRest {
@@ -416,8 +436,12 @@ fn numerical(
         dofs: n,
         rule_damping: structure::rule_damping(site, &structure, specimens, &rotations),
         rotations,
-        places: frames::places(site),
+        places: match &site.reduced {
+            Some(one) => one.places(),
+            None => frames::places(site),
+        },
         frame,
+        reduction,
         method,
         storage,
         reciprocal_condition: condition,

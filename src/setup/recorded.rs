@@ -17,6 +17,7 @@ pub(super) fn record_dofs(
         Some(DofChoice::All) => Ok(all),
         Some(DofChoice::Listed(listed)) => {
             let at = path("record").key("dofs");
+            let dofs = site.dofs_of_file(dofs);
             if let Some((index, dof)) = listed
                 .iter()
                 .enumerate()
@@ -25,12 +26,17 @@ pub(super) fn record_dofs(
                 let text = format!("DOF {dof} does not exist: the structure has {dofs}");
                 return site.refuse(Finding::error(at.index(index), text));
             }
-            Ok(listed.iter().map(|dof| dof - 1).collect())
+            let listed: Vec<usize> = listed.iter().map(|dof| dof - 1).collect();
+            Ok(in_structure(site, listed))
         }
         None if dofs <= RECORD_ALL => Ok(all),
         None => {
             let mut some = specimens.dofs();
-            some.extend([0, dofs - 1]);
+            let last = site
+                .reduced
+                .as_ref()
+                .map_or(dofs, |one| one.reduction.kept().len());
+            some.extend([0, last.max(1) - 1]);
             some.sort_unstable();
             some.dedup();
             Ok(some)
@@ -40,6 +46,7 @@ pub(super) fn record_dofs(
 
 /// DOFs that are rotations, from 0, ascending.
 pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, Refused> {
+    let dofs = site.dofs_of_file(dofs);
     let Some(table) = &site.loaded.file.structure else {
         return Ok(Vec::new());
     };
@@ -51,7 +58,7 @@ pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, 
         let turns = dofs.filter(|(_, (_, direction))| direction.turns());
         let turns: Vec<usize> = turns.map(|(dof, _)| dof).collect();
         refuse_lengths(site, &turns)?;
-        return Ok(turns);
+        return Ok(in_structure(site, turns));
     }
     let at = path("structure").key("rotations");
     let given = &table.rotations;
@@ -72,7 +79,15 @@ pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, 
     let mut rotations: Vec<usize> = given.iter().map(|dof| dof - 1).collect();
     rotations.sort_unstable();
     refuse_lengths(site, &rotations)?;
-    Ok(rotations)
+    Ok(in_structure(site, rotations))
+}
+
+/// DOFs of the file, from 0, in the numbers of the structure; without those that a reduction does not keep.
+fn in_structure(site: &Site<'_>, dofs: Vec<usize>) -> Vec<usize> {
+    match &site.reduced {
+        Some(one) => one.of_model(&dofs),
+        None => dofs,
+    }
 }
 
 /// Refuses a unit other than m for the displacement of an axis that is a rotation: it is in rad, and no unit of length converts it.

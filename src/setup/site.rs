@@ -1,5 +1,6 @@
 //! Findings and files of a build so far, and how it refuses: a finding at its place in the file.
 
+use super::reduced::Reduced;
 use super::{Dial, Trial};
 use gusset_config::{ConfigError, Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::{Corrected, RecordFacts, Scaled};
@@ -19,6 +20,8 @@ pub(super) struct Site<'a> {
     pub corrected: Vec<(String, Corrected)>,
     /// Result of `[excitation.scaling]`.
     pub scaled: Option<Scaled>,
+    /// The reduction of the structure.
+    pub reduced: Option<Reduced>,
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
@@ -44,6 +47,7 @@ pub(super) fn build<'a, T>(
         records: Vec::new(),
         corrected: Vec::new(),
         scaled: None,
+        reduced: None,
         doubts: Vec::new(),
         trial,
     };
@@ -51,6 +55,27 @@ pub(super) fn build<'a, T>(
 }
 
 impl Site<'_> {
+    /// Entries that a vector of the test file has, in a structure of `n` degrees of freedom.
+    pub(super) fn dofs_of_file(&self, n: usize) -> usize {
+        self.reduced.as_ref().map_or(n, |one| one.reduction.full())
+    }
+
+    /// A load of the test file at the degrees of freedom of the structure.
+    pub(super) fn load(&self, given: Vec<f64>) -> Vec<f64> {
+        match &self.reduced {
+            Some(one) => one.reduction.load(&given),
+            None => given,
+        }
+    }
+
+    /// A motion of the test file at the degrees of freedom of the structure.
+    pub(super) fn motion(&self, given: Vec<f64>) -> Vec<f64> {
+        match &self.reduced {
+            Some(one) => one.reduction.motion(&given),
+            None => given,
+        }
+    }
+
     pub(crate) fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
         self.errors.push(finding);
         Err(Refused)

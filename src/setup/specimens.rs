@@ -231,6 +231,26 @@ impl Specimens {
         rows.map(|(dof, _)| *dof).collect()
     }
 
+    /// Every DOF (from 0) that a specimen or its loading unit sees.
+    pub(super) fn touched(&self) -> impl Iterator<Item = usize> {
+        let axes = self.0.iter().flat_map(|entry| &entry.axes);
+        let units = self.0.iter().flat_map(|entry| &entry.loading);
+        let rows = axes.map(|axis| &axis.row);
+        let rows = rows.chain(units.flat_map(|unit| unit.rows.iter().map(|row| &row.row)));
+        rows.flatten().map(|(dof, _)| *dof)
+    }
+
+    /// Gives the DOFs of all rows other numbers.
+    pub(super) fn renumber(&mut self, new: impl Fn(usize) -> usize) {
+        for entry in &mut self.0 {
+            let axes = entry.axes.iter_mut().map(|axis| &mut axis.row);
+            let units = entry.loading.iter_mut().flat_map(|unit| &mut unit.rows);
+            for (dof, _) in axes.chain(units.map(|row| &mut row.row)).flatten() {
+                *dof = new(*dof);
+            }
+        }
+    }
+
     /// Rows of B that reach beyond the structure are refused.
     pub(super) fn check_rows(&self, site: &mut Site<'_>, dofs: usize) -> Result<(), Refused> {
         let tables = site.loaded.file.specimen.iter().enumerate();
@@ -305,7 +325,11 @@ fn influence(site: &Site<'_>, dofs: usize) -> Vec<f64> {
         return Vec::new();
     };
     let given = structure.kind().and_then(|(_, spec)| spec.influence());
-    given.unwrap_or_else(|| vec![1.0; dofs])
+    let given = given.unwrap_or_else(|| vec![1.0; site.dofs_of_file(dofs)]);
+    match &site.reduced {
+        Some(one) => one.reduction.kept().iter().map(|dof| given[*dof]).collect(),
+        None => given,
+    }
 }
 
 impl Entry {

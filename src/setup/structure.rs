@@ -2,7 +2,7 @@
 
 use super::facts::RuleDamping;
 use super::specimens::Specimens;
-use super::{Refused, Site, frames, path};
+use super::{Refused, Site, frames, path, reduction};
 use gusset_config::{Finding, KeyPath, Method, StructureTable};
 use gusset_numerics::integrate::{GuiError, State};
 use gusset_numerics::linalg::{self, Condensation, MatrixError, Spd, SymMatrix};
@@ -17,7 +17,10 @@ const FREQUENCIES: usize = 6;
 const DENSE_MODES: usize = 300;
 
 /// The structure, with the specimens' stiffness known to its damping rule.
-pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<Structure, Refused> {
+pub(super) fn structure(
+    site: &mut Site<'_>,
+    specimens: &mut Specimens,
+) -> Result<Structure, Refused> {
     let Some(table) = &site.loaded.file.structure else {
         return site.refuse(Finding::error(
             path("structure"),
@@ -36,10 +39,19 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
     };
     let files = matrix_files(site, &at.key(kind), &spec)?;
     // Without masses the specimens' rows cannot be judged.
-    let dofs = spec.dofs(&files);
-    let dofs = dofs.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))?;
-    specimens.check_rows(site, dofs)?;
-    let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
+    let linear = spec.linear(&files);
+    let mut linear = linear.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))?;
+    specimens.check_rows(site, linear.mass.n())?;
+    let mut elements = table.element.clone();
+    let mut mass = specimens.mass(linear.mass.n());
+    if let Some(reduce) = &table.reduce {
+        let made = reduction::reduced(site, reduce, &spec, linear, &mut elements, specimens)?;
+        linear = made.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))?;
+        // The mass of specimens is in that of the reduced structure.
+        mass = SymMatrix::zeros(linear.mass.n());
+    }
+    let dofs = linear.mass.n();
+    let at_rest = specimens.stiffness_at_rest(dofs);
     let mass_in_force = specimens.mass_in_force(dofs);
     let damped_stiffness = specimens.damped_stiffness(dofs);
     let share = SpecimenShare {
@@ -48,7 +60,7 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
         mass: &mass,
         mass_in_force: &mass_in_force,
     };
-    let built = spec.build(table.damping.as_ref(), &table.element, Some(share), &files);
+    let built = spec.build_from(linear, table.damping.as_ref(), &elements, Some(share));
     built.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))
 }
 
@@ -223,7 +235,8 @@ pub(super) fn mass_of(site: &Site<'_>, dof: usize) -> KeyPath {
         "matrices" => given(site, &at, "mass"),
         _ => site.loaded.locator.beneath(&at, "mass_kg"),
     };
-    if mass == at || kind == "chain" {
+    // Rows of the file are those of the full model.
+    if mass == at || kind == "chain" || site.reduced.is_some() {
         mass
     } else {
         mass.index(dof)
@@ -254,8 +267,10 @@ pub(super) fn initial_state(
     let is_loaded = table.is_some_and(StructureTable::has_static_load);
     let disp = table.and_then(|table| table.initial_displacement_m.clone());
     let vel = table.and_then(|table| table.initial_velocity_m_per_s.clone());
-    let disp = vector(site, "initial_displacement_m", disp, dofs)?;
-    let vel = vector(site, "initial_velocity_m_per_s", vel, dofs)?;
+    let given = site.dofs_of_file(dofs);
+    let disp = vector(site, "initial_displacement_m", disp, given)?;
+    let vel = vector(site, "initial_velocity_m_per_s", vel, given)?;
+    let [disp, vel] = [disp, vel].map(|one| site.motion(one));
     let massless = followed(site.loaded.file.integrator.method, structure);
     let held = Condensation::new(at_rest, &massless).ok();
     if let Some(mut held) = held.filter(|_| !massless.is_empty()) {
@@ -293,6 +308,8 @@ pub(super) fn initial_state(
             Some(("initial_velocity_m_per_s", *dof, text))
         });
         if let Some((key, dof, text)) = wrong {
+            let reduced = site.reduced.as_ref();
+            let dof = reduced.map_or(dof, |one| one.reduction.kept()[dof]);
             let at = path("structure").key(key).index(dof);
             return site.refuse(Finding::error(at, text));
         }

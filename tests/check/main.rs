@@ -16,6 +16,7 @@ mod gateway_config;
 mod ground_motions;
 mod link_config;
 mod native_records;
+mod reduction;
 mod rehearsal;
 mod served_files;
 mod spectrum;

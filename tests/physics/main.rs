@@ -16,6 +16,7 @@ mod independent;
 mod massless;
 mod paper;
 mod prescribed;
+mod reduction;
 mod supports;
 mod tracking_effect;
 mod transfer;

@@ -3,7 +3,7 @@
 use super::super::rehearsed::tabulate_speeds;
 use super::super::spectrum;
 use super::super::table::Table;
-use super::{Checked, damping, frame, needs};
+use super::{Checked, damping, frame, needs, reduction};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Corrected, Quantity, RecordFacts, STANDARD_GRAVITY, Scaled, Signal};
@@ -32,6 +32,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     };
     table.row("structure", &text);
     if let Some(structure) = &facts.structure {
+        reduction::tabulate(table, structure, checked.accuracy.as_ref());
         frame::tabulate(table, structure, checked.frame(), false);
         damping::tabulate(table, facts, structure, LISTED);
     }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
-use super::{Checked, commands, damping, frame};
+use super::{Checked, commands, damping, frame, reduction};
 use gusset_motion::{Corrected, Quantity, RecordFacts, STANDARD_GRAVITY, Scaled};
 use gusset_proof::Stability;
 use gusset_quantity::catalog::column;
@@ -56,6 +56,7 @@ fn structure_json(checked: &Checked<'_>, structure: &StructureFacts) -> Value {
         "dofs": structure.dofs,
         "places": structure.places,
         "frame": frame::as_json(structure, checked.frame()),
+        "reduction": reduction::as_json(structure, checked.accuracy.as_ref()),
         "rule_damping_of_specimens": damping::as_json(structure),
         "storage": structure.storage,
         "reciprocal_condition": structure.reciprocal_condition,

@@ -3,7 +3,7 @@
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use super::brief::{of_corrected, of_peak_nodal_force, of_record, of_scaling, of_test};
-use super::{Checked, damping, frame};
+use super::{Checked, damping, frame, reduction};
 use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, per_cent};
@@ -86,6 +86,8 @@ fn describe(table: &mut Table, checked: &Checked<'_>, structure: &StructureFacts
                 .unwrap_or_default()
         ),
     );
+    reduction::tabulate(table, structure, checked.accuracy.as_ref());
+    reduction::list(table, structure);
     frame::tabulate(table, structure, checked.frame(), true);
     damping::tabulate(table, facts, structure, usize::MAX);
     if let Some(condition) = structure.reciprocal_condition {

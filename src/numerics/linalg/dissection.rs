@@ -18,7 +18,8 @@ const FAIR: f64 = 0.2;
 const UNREACHED: u32 = u32::MAX;
 
 /// User's index of each new index.
-pub(super) fn nested_dissection(matrix: &SymMatrix) -> Vec<u32> {
+#[must_use]
+pub fn nested_dissection(matrix: &SymMatrix) -> Vec<u32> {
     let n = matrix.n();
     let mut graph = Graph {
         matrix,

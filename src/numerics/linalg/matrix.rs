@@ -206,7 +206,7 @@ impl SymMatrix {
 
     /// The block of the rows and columns listed in `kept`, in that order; no index twice.
     #[must_use]
-    pub(crate) fn block(&self, kept: &[usize]) -> SymMatrix {
+    pub fn block(&self, kept: &[usize]) -> SymMatrix {
         let mut place = vec![usize::MAX; self.n];
         for (new, &old) in kept.iter().enumerate() {
             place[old] = new;

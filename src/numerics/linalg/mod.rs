@@ -43,6 +43,7 @@ pub use aligned::Aligned;
 pub(crate) use banded::Banded;
 pub use checked::MatrixError;
 pub use condensation::Condensation;
+pub use dissection::nested_dissection;
 pub(crate) use eigen::LARGEST_DENSE;
 pub use eigen::{EigenError, Modes, frequencies, highest_frequency, lowest_modes, modes};
 pub use lanes::Lanes;

@@ -31,16 +31,22 @@ pub struct SpecimenShare<'a> {
     pub mass_in_force: &'a SymMatrix,
 }
 
-/// M, C, K with the names of their parts.
-struct Linear {
-    mass: SymMatrix,
-    damping: SymMatrix,
-    stiffness: SymMatrix,
-    influence: Vec<f64>,
-    members: Members,
+/// M, C, K with the names of their parts, before a damping rule and elements.
+#[derive(Debug)]
+pub struct Linear {
+    /// M.
+    pub mass: SymMatrix,
+    /// C.
+    pub damping: SymMatrix,
+    /// K.
+    pub stiffness: SymMatrix,
+    /// ι.
+    pub influence: Vec<f64>,
+    /// Those of a frame that are not part of K.
+    pub members: Members,
     storeys: (&'static str, Vec<Storey>),
     /// As [`crate::frame::FrameModel::damped`]; `None` where a damping rule refers to all stiffness at rest.
-    damped: Option<[SymMatrix; 2]>,
+    pub damped: Option<[SymMatrix; 2]>,
     /// Key under which damping was given, if it was.
     damping_given: Option<&'static str>,
 }
@@ -115,12 +121,33 @@ impl StructureSpec {
         specimens: Option<SpecimenShare<'_>>,
         files: &MatrixFiles,
     ) -> Result<Structure, BuildError> {
-        let mut linear = match self {
-            StructureSpec::ShearBuilding(spec) => spec.linear()?,
-            StructureSpec::Matrices(spec) => spec.linear(files)?,
-            StructureSpec::Chain(spec) => spec.linear()?,
-            StructureSpec::Frame(spec) => of_frame(spec)?,
-        };
+        self.build_from(self.linear(files)?, damping, elements, specimens)
+    }
+
+    /// The matrices of the description.
+    ///
+    /// # Errors
+    /// See [`BuildError`].
+    pub fn linear(&self, files: &MatrixFiles) -> Result<Linear, BuildError> {
+        match self {
+            StructureSpec::ShearBuilding(spec) => spec.linear(),
+            StructureSpec::Matrices(spec) => spec.linear(files),
+            StructureSpec::Chain(spec) => spec.linear(),
+            StructureSpec::Frame(spec) => of_frame(spec),
+        }
+    }
+
+    /// [`StructureSpec::build`] from matrices that may have been reduced.
+    ///
+    /// # Errors
+    /// See [`BuildError`].
+    pub fn build_from(
+        &self,
+        mut linear: Linear,
+        damping: Option<&DampingSpec>,
+        elements: &[ElementSpec],
+        specimens: Option<SpecimenShare<'_>>,
+    ) -> Result<Structure, BuildError> {
         if let (Some(given), Some(_)) = (linear.damping_given, damping) {
             return Err(BuildError::DampingTwice { given });
         }

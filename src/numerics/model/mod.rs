@@ -26,7 +26,7 @@ mod table;
 use std::fmt;
 
 pub use accel::Acceleration;
-pub use build::{MatrixFiles, SpecimenShare};
+pub use build::{Linear, MatrixFiles, SpecimenShare};
 pub use damping::DampingError;
 pub use error::{BuildError, ModelError};
 pub use parse::{ParseError, ParseFault, parse_matrix};

@@ -2,8 +2,8 @@
 //!
 //! Three courses are compared. The test as it will run is its rehearsal. The same test with ideal specimens, by the same method
 //! and λ, shows the effect of the actuators. Newmark's average acceleration with iteration at a half and at a quarter of the
-//! step, extrapolated after Richardson, shows the effect of the method. An error without a reference is not known, and the reason
-//! is given.
+//! step, extrapolated after Richardson, shows the effect of the method. The full model of a reduced structure goes this way, too, at
+//! half of the step: it shows the effect of the reduction. An error without a reference is not known, and the reason is given.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -18,6 +18,7 @@ use gusset_numerics::model::StructureSpec;
 use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 use gusset_quantity::catalog::column;
 use gusset_record::{Recorder, TimedEvent};
+use gusset_reduction::Reduction;
 use gusset_setup::{self as setup, Ideal, IdealCourse, NoCourse};
 
 /// Most numbers of one course.
@@ -68,9 +69,10 @@ pub fn errors(
     let safety = &loaded.file.safety;
     let [warn, refuse] = [safety.error_warn, safety.error_refuse];
     Ok(Some(match both(loaded, lambda, unknown)? {
-        Ok((method, coupling)) => Errors {
+        Ok((method, coupling, reduction)) => Errors {
             method,
             coupling,
+            reduction,
             modes,
             warn,
             refuse,
@@ -82,12 +84,15 @@ pub fn errors(
     }))
 }
 
-/// The errors of method and coupling, or why neither is known.
+/// The errors of method and coupling, and that of a reduction.
+type Found = (TestError, TestError, Option<TestError>);
+
+/// The errors of a test, or why none is known.
 fn both(
     loaded: &Loaded,
     lambda: Option<f64>,
     unknown: Option<&str>,
-) -> Result<Result<(TestError, TestError), String>, ConfigError> {
+) -> Result<Result<Found, String>, ConfigError> {
     let silent = loaded.file.specimen.iter();
     let mut silent = silent.filter(|table| StandIn::of(table) == StandIn::Nothing);
     if let Some(table) = silent.next() {
@@ -121,29 +126,42 @@ fn both(
         if is_long { Err(beyond()) } else { Ok(test) }
     };
     if !is_referred && running.is_err() {
-        return Ok(Ok((beyond(), running.err().unwrap_or_default())));
+        let coupling = running.err().unwrap_or_default();
+        let reduction = by_method.reduction().map(|_| beyond());
+        return Ok(Ok((beyond(), coupling, reduction)));
     }
     let directions = directions(loaded, &by_method);
     let excitation = by_method.excitation().clone();
+    let reduction = by_method.reduction().map(|(reduction, _)| reduction);
+    let initial = by_method.initial().to_vec();
+    let full = match &reduction {
+        Some(reduction) if is_referred => {
+            let work = steps.saturating_mul(reduction.full() as u64);
+            let is_short =
+                work <= MOST && work.saturating_mul(by_method.work(2) / dofs as u64) <= most;
+            is_short.then(|| full(loaded, lambda)).transpose()?
+        }
+        _ => None,
+    };
     let references = match is_referred {
         true => [(2, Some(ideal()?)), (4, Some(ideal()?))],
         false => [(2, None), (4, None)],
     };
     // No course needs another one.
-    let (own, [half, quarter], running) = thread::scope(|scope| {
+    let (own, [half, quarter], running, full) = thread::scope(|scope| {
+        let full = full.map(|ideal| scope.spawn(move || ideal.by_newmark(2, most)));
         let references = references.map(|(divider, ideal)| {
             let refer = move |ideal: Ideal| ideal.by_newmark(divider, most / 2);
             scope.spawn(move || ideal.map_or(Err(NoCourse::BeyondBudget), refer))
         });
         let running = running.map(|test| as_it_runs(test, loaded.time.step.value(), dofs));
-        (by_method.by_method(), references.map(joined), running)
+        let own = by_method.by_method();
+        (own, references.map(joined), running, full.map(joined))
     });
-    let given = loaded.file.structure.as_ref();
-    let given = given.and_then(|table| table.initial_displacement_m.as_deref());
     // One position under the static load serves all courses.
     let rest: Vec<f64> = match &own {
         Ok(course) if excitation.has_constant() => (course.disp.iter().take(dofs).enumerate())
-            .map(|(dof, disp)| disp - given.map_or(0.0, |given| given[dof]))
+            .map(|(dof, disp)| disp - initial[dof])
             .collect(),
         _ => vec![0.0; dofs],
     };
@@ -152,6 +170,16 @@ fn both(
         Ok(course) => of(&course),
         Err(why) => return Ok(Err(format!("with ideal specimens {}", words(why)))),
     };
+    let reduction = reduction.map(|reduction| match (&half, &full) {
+        (Ok(half), Some(Ok(full))) => TestError {
+            energy: None,
+            ..compared(&of(half), &of(&kept(full, &reduction)), &directions)
+        },
+        (Err(why), _) | (_, Some(Err(why))) => {
+            TestError::not_known(format!("in the full model {}", words(*why)))
+        }
+        (_, None) => beyond(),
+    });
     let method = match (half, quarter) {
         (Ok(half), Ok(quarter)) => {
             let references = [of(&half), of(&quarter)];
@@ -175,7 +203,29 @@ fn both(
         Ok(Err(why)) => TestError::not_known(why),
         Err(known) => known,
     };
-    Ok(Ok((method, coupling)))
+    Ok(Ok((method, coupling, reduction)))
+}
+
+/// The test with ideal specimens and without a reduction.
+fn full(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, ConfigError> {
+    let mut whole = loaded.clone();
+    if let Some(table) = &mut whole.file.structure {
+        table.reduce = None;
+    }
+    setup::build_ideal(&whole, lambda)
+}
+
+/// The course of a full model at the kept DOFs; the modes rest.
+fn kept(full: &IdealCourse, reduction: &Reduction) -> IdealCourse {
+    let dofs = reduction.coordinates().len();
+    let rest = vec![0.0; dofs - reduction.kept().len()];
+    let steps = full.disp.chunks_exact(full.dofs);
+    let disp = steps.flat_map(|disp| {
+        let kept = reduction.kept().iter().map(|&dof| disp[dof]);
+        kept.chain(rest.iter().copied())
+    });
+    let disp = disp.collect();
+    IdealCourse { dofs, disp }
 }
 
 /// The result of a thread. Its panic becomes one of this thread.
@@ -194,27 +244,40 @@ const fn words(why: NoCourse) -> &'static str {
     }
 }
 
-/// Storeys of a shear building or chain, otherwise DOFs; then the other axes of specimens.
+/// Storeys of a shear building or chain, otherwise DOFs without the modes of a reduced structure; then the other axes of specimens.
 fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let structure = loaded.file.structure.as_ref();
     let kind = structure.and_then(|table| table.kind());
     let kind = kind.as_ref().map(|(_, spec)| spec);
     let frame = structure.and_then(|table| table.frame.as_ref());
     let places = frame.map(FrameSpec::places).unwrap_or_default();
-    let turns = |dof: usize| match places.get(dof) {
+    let reduced = ideal.reduction();
+    let of_model = |dof: usize| match &reduced {
+        Some((reduction, _)) => reduction.kept().get(dof).copied(),
+        None => Some(dof),
+    };
+    let turns = |dof: usize| match of_model(dof).and_then(|dof| places.get(dof)) {
         Some((_, direction)) => direction.turns(),
-        None => structure.is_some_and(|table| table.rotations.contains(&(dof + 1))),
+        None => structure
+            .zip(of_model(dof))
+            .is_some_and(|(table, dof)| table.rotations.contains(&(dof + 1))),
     };
     let iota = ideal.influence();
     let base = |row: &[(usize, f64)]| -> f64 { row.iter().map(|(dof, b)| b * iota[*dof]).sum() };
-    let n = ideal.dofs();
+    let n = match &reduced {
+        Some((reduction, _)) => reduction.kept().len(),
+        None => ideal.dofs(),
+    };
     let mut found: Vec<Direction> = (0..n)
         .map(|dof| {
             let (name, row) = match kind {
                 None | Some(StructureSpec::Matrices(_) | StructureSpec::Frame(_)) => {
-                    let name = match places.get(dof) {
-                        Some((node, direction)) => format!("{node} {}", direction.word()),
-                        None => format!("DOF {}", dof + 1),
+                    let name = match (&reduced, places.get(dof)) {
+                        (Some((_, words)), _) => words[dof].clone(),
+                        (None, Some((node, direction))) => {
+                            format!("{node} {}", direction.word())
+                        }
+                        (None, None) => format!("DOF {}", dof + 1),
                     };
                     (name, vec![(dof, 1.0)])
                 }

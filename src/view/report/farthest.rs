@@ -47,6 +47,10 @@ impl FarthestPass {
     /// For blocks with the columns at these places; `None` unless the test has a frame and all of its displacements are there.
     pub(crate) fn new(test: &TestFile, at: impl Fn(&str) -> Option<usize>) -> Option<Self> {
         let spec = frame(test)?;
+        // A reduced structure does not have the displacements of all nodes.
+        if test.structure.as_ref()?.reduce.is_some() {
+            return None;
+        }
         let model = spec.model().ok()?;
         let influence = spec.influence().into_iter().zip(1..);
         let disp = influence.map(|(share, dof)| Some((at(&format!("x{dof}"))?, share)));

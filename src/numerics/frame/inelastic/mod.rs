@@ -568,6 +568,27 @@ impl Members {
         });
     }
 
+    /// Degrees of freedom between which members lie.
+    pub fn dofs(&self) -> impl Iterator<Item = usize> {
+        self.each
+            .iter()
+            .flat_map(|member| member.place.dofs.iter().copied())
+    }
+
+    /// Gives the degrees of freedom other numbers: `new` has the new number of each old one.
+    pub fn renumber(&mut self, new: impl Fn(usize) -> usize) {
+        for member in &mut self.each {
+            let own = member.place.dofs.iter_mut();
+            own.for_each(|dof| *dof = new(*dof));
+            if let Some(moving) = &mut member.moving {
+                moving.place.dofs.clone_from(&member.place.dofs);
+                for (i, j, _) in &mut moving.declared.stiffening {
+                    (*i, *j) = (new(*i).min(new(*j)), new(*i).max(new(*j)));
+                }
+            }
+        }
+    }
+
     /// True if there is a member of fibres.
     #[must_use]
     pub(crate) fn has_fibres(&self) -> bool {
