@@ -22,7 +22,7 @@ pub fn import(args: &ImportArgs) -> anyhow::Result<Exit> {
         let told = String::from_utf8_lossy(&probe.stderr);
         anyhow::bail!(
             "{shown} cannot load the importer: {}. Install it with `pip install .` in the source folder of Gusset, or set \
-             GUSSET_PYTHON to the Python that has it. More: gusset guide python",
+             GUSSET_PYTHON to the Python that has it. More: gusset guide import",
             told.trim_end().lines().last().unwrap_or("no reason given")
         );
     }

@@ -5,6 +5,7 @@ use super::{Refused, Site, path};
 use gusset_config::{ClockChoice, DeformationTable, Finding, KeyPath};
 use gusset_control::engine::Numerical;
 use gusset_numerics::frame::{FrameError, FrameSpec, MemberUse, NodeLoadSpec};
+use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::StructureSpec;
 use gusset_quantity::units::{number, quantity};
 use gusset_record::rt::os::monotonic_ns;
@@ -92,6 +93,7 @@ pub(super) fn are_held(site: &mut Site<'_>) -> Result<bool, Refused> {
 pub(super) fn facts(
     site: &mut Site<'_>,
     load: Option<&[f64]>,
+    specimens: &SymMatrix,
 ) -> Result<Option<FrameFacts>, Refused> {
     let table = site.loaded.file.structure.as_ref();
     let Some(frame) = table.and_then(|table| table.frame.as_ref()) else {
@@ -100,7 +102,9 @@ pub(super) fn facts(
     let found = frame.model().and_then(|model| {
         let none = vec![0.0; model.dofs.len()];
         let load = load.unwrap_or(&none);
-        let members = frame.members_under(load)?;
+        // The stiffness of specimens is at the degrees of freedom of the structure, which may be a reduced one.
+        let beside = site.reduced.is_none().then_some(specimens);
+        let members = frame.members_under(load, beside)?;
         Ok((model, members, load.to_vec()))
     });
     let (model, members, load) = found

@@ -390,7 +390,8 @@ fn numerical(
     }
     let (excitation, loads) =
         excitation::excitation(site, &structure, specimens, &initial_stiffness)?;
-    let frame = frames::facts(site, loads.as_ref().map(|[given, _]| &given[..]))?;
+    let given = loads.as_ref().map(|[given, _]| &given[..]);
+    let frame = frames::facts(site, given, &specimens.stiffness_at_rest(n))?;
     let settling = match loads {
         Some([_, load]) => Some(settle(
             site,

@@ -11,7 +11,7 @@ use serde::Serialize;
     gusset import matrices bridge.mat --units kN,m,s --dofs x,y,rz --out bridge\n\n\
     The importer is written in Python and part of the Python package. The environment variable GUSSET_PYTHON names the Python \
     that has it [default: python3].\n\n\
-    More: gusset guide python (installation)"
+    More: gusset guide import"
 )]
 pub(in crate::cli) struct ImportArgs {
     #[command(subcommand)]

@@ -2,7 +2,7 @@
 
 use super::model::influence;
 use super::{FrameError, FrameSpec, MemberKind};
-use crate::linalg::Spd;
+use crate::linalg::{Spd, SymMatrix};
 
 /// A member under static loads.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,13 +18,19 @@ pub struct MemberUse {
 
 impl FrameSpec {
     /// The members under static loads of the degrees of freedom in N and N m. Forces follow from the stiffness of all members and
-    /// links at rest.
+    /// links at rest, and of the specimens `beside` them. Without that matrix (n × n) no utilisation is known.
     ///
     /// # Errors
     /// See [`FrameError`].
-    pub fn members_under(&self, load: &[f64]) -> Result<Vec<MemberUse>, FrameError> {
+    pub fn members_under(
+        &self,
+        load: &[f64],
+        beside: Option<&SymMatrix>,
+    ) -> Result<Vec<MemberUse>, FrameError> {
         let model = self.model()?;
-        let disp = Spd::factor(&model.stiffness).ok().map(|mut factor| {
+        let stiffness = beside.map(|beside| model.stiffness.plus(1.0, beside));
+        let factor = stiffness.and_then(|stiffness| Spd::factor(&stiffness).ok());
+        let disp = factor.map(|mut factor| {
             let mut disp = load.to_vec();
             factor.solve_in_place(&mut disp);
             disp
@@ -71,6 +77,11 @@ mod tests {
 
     /// A cantilever to the right with this tip load.
     fn used(member: &str, load: &str) -> Option<f64> {
+        used_beside(member, load, Some(0.0))
+    }
+
+    /// Beside specimens with `share` times the stiffness of the frame.
+    fn used_beside(member: &str, load: &str, share: Option<f64>) -> Option<f64> {
         let spec: FrameSpec = toml::from_str(&format!(
             "node = [{{ name = 'a', at_m = [0, 0], fixed = ['x', 'y', 'rz'] }}, {{ name = 'b', at_m = [{LENGTH}, 0] }}]\n\
              member = [{{ nodes = ['a', 'b'], {member} }}]\n\
@@ -86,8 +97,11 @@ mod tests {
              hinge.end.bilinear = {{ stiffness_n_per_m = 1e7, yield_force_n = 5e4, post_yield_ratio = 0.1 }}"
         ))
         .unwrap();
-        let load = spec.model().unwrap().load;
-        let [member] = <[MemberUse; 1]>::try_from(spec.members_under(&load).unwrap()).unwrap();
+        let model = spec.model().unwrap();
+        let none = SymMatrix::zeros(model.load.len());
+        let beside = share.map(|share| none.plus(share, &model.stiffness));
+        let members = spec.members_under(&model.load, beside.as_ref()).unwrap();
+        let [member] = <[MemberUse; 1]>::try_from(members).unwrap();
         member.utilisation
     }
 
@@ -97,6 +111,14 @@ mod tests {
             (found - expected).abs() < 1e-9,
             "{member}, {load}: {found} {expected}"
         );
+    }
+
+    #[test]
+    fn specimens_bear_their_part() {
+        let of = |share| used_beside("section = 'steel'", "x_n = -2.4e6", share);
+        let alone = of(Some(0.0)).unwrap();
+        assert!((of(Some(3.0)).unwrap() - 0.25 * alone).abs() < 1e-9);
+        assert_eq!(of(None), None);
     }
 
     /// The outermost of n fibres lies at (1 − 1/n) h/2, and they have (1 − 1/n²) of the second moment of area.
