@@ -1,4 +1,4 @@
-//! What the build of a test knows of the reduction of its structure.
+//! The reduction of the structure, as the build of a test knows it.
 
 use std::sync::Arc;
 

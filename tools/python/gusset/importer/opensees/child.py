@@ -146,7 +146,7 @@ def plain(value: Any) -> Any:
 
 
 class Drawing(types.ModuleType):
-    """A module for pictures that is not installed: whatever it is asked for does nothing."""
+    """A module for pictures that is not installed: each of its functions does nothing."""
 
     __path__: list[str] = []
 
@@ -287,7 +287,7 @@ class Tcl:
         return flat
 
     def series_of(self, text: str) -> int:
-        """Tag of a series that is a number, or stands in a pattern."""
+        """Tag of a series: given as a number, or by the words of a series."""
         words = list(self.tcl.splitlist(text))
         if len(words) == 1 and isinstance(number(words[0]), int):
             return int(words[0])

@@ -10,7 +10,7 @@ from .model import Beam, Model, Spring
 
 # λ is chosen for this rotation of a corotational element; the user declares his own.
 ROTATION = 0.05
-# Masses below this share of another one are none.
+# Masses below this share of another one are left out.
 TINY = 1e-6
 # Share of each degree of freedom, by node and direction.
 Motion = dict[tuple[int, str], float]
@@ -48,7 +48,7 @@ class Frame:
             if spring.tag not in self.merged:
                 self.guarded(spring.place, f"element {spring.tag}", lambda spring=spring: self.link(spring))
         self.guarded(("", 0), "loads", self.constant_loads)
-        # What it finds wrong is among the mistakes.
+        # It adds its mistakes to the others.
         self.tables(replaced=False)
 
     def fail(self, place: tuple[str, int], text: str) -> None:

@@ -11,11 +11,11 @@ SHARP = 2000.0
 
 
 class Unfit(Exception):
-    """What has no counterpart."""
+    """A command without counterpart."""
 
 
 def given(args: list[Any], least: int, defaults: tuple[float, ...] = ()) -> list[float]:
-    """The numbers after kind and tag: at least so many, and defaults for those that may be missing."""
+    """The numbers after kind and tag: `least` of them, and defaults for those that may be missing."""
     numbers = [float(value) for value in args[2:] if not isinstance(value, str)]
     if len(numbers) < least:
         raise Unfit(f"has {len(numbers)} numbers, but needs {least}")

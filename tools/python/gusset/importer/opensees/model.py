@@ -37,7 +37,7 @@ class Mistake:
 
 @dataclass
 class Beam:
-    """An element between two nodes, as OpenSees has it."""
+    """An element of OpenSees between two nodes."""
 
     tag: int
     kind: str
@@ -67,7 +67,7 @@ class Spring:
 
 
 class Model:
-    """What the commands of a script make."""
+    """The model that the commands of a script build."""
 
     def __init__(self, record: dict[str, Any], units: Units, folder: Path, replaced: dict[int, str], accept_damping: bool) -> None:
         self.units, self.folder, self.replaced, self.accept_damping = units, folder, replaced, accept_damping
@@ -589,7 +589,7 @@ class Model:
 
     def do_integrator(self, kind: str, *_: Any) -> None:
         if kind in ("DisplacementControl", "ArcLength", "ArcLength1", "MinUnbalDispNorm"):
-            raise Unfit("pushes the model before the test; only loads by LoadControl may stand there")
+            raise Unfit("pushes the model before the test; only loads by LoadControl are allowed there")
 
 
 def is_number(word: str) -> bool:

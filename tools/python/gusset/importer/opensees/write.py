@@ -70,7 +70,7 @@ def write(
 
 
 def has_mass(model: Model, frame: Frame, place: str) -> bool:
-    """True if a degree of freedom, such as "3 x", has a mass of its own node or of one that follows it."""
+    """True if a degree of freedom, such as "3 x", has a mass: at its node, or at a node that follows it."""
     name, direction = place.rsplit(" ", 1)
     masses = {str(tag): frame.masses(tag) for tag in model.nodes if tag not in frame.gone}
     for tag in model.nodes:
@@ -179,7 +179,7 @@ def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict
 
 
 def number(value: float) -> str:
-    """A number as TOML, as short as it is exact."""
+    """A number as TOML: the shortest one that is exact."""
     if value == int(value) and abs(value) < 1e15:
         return str(int(value))
     return repr(value)
