@@ -28,6 +28,10 @@ pub fn import(args: &ImportArgs) -> anyhow::Result<Exit> {
     }
     let mut importer = Command::new(&python);
     importer.args(["-m", "gusset.importer", &options]);
+    // The importer runs this program, to check what it writes.
+    if std::env::var_os("GUSSET_BINARY").is_none() {
+        importer.env("GUSSET_BINARY", std::env::current_exe()?);
+    }
     let error = importer.exec();
     anyhow::bail!("{shown} cannot be started: {error}")
 }

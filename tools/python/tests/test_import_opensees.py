@@ -206,7 +206,7 @@ def test_replaced_element_is_the_same_frame(tmp_path):
     script = script.replace('"Steel02", 1, 275e3', '"Steel02", 1, 1e8')
     (tmp_path / "frame.py").write_text(script)
     moved = []
-    for replaced in ([], ["1=specimen"]):
+    for replaced in ([], ["1=column"]):
         out = tmp_path / f"frame-{len(replaced)}.toml"
         given = {"source": "opensees", "model": str(tmp_path / "frame.py"), "units": "kN,m,s", "out": str(out), "replace": replaced}
         assert run(given) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -61,8 +62,8 @@ def check_whole(model: Model, script: Path) -> None:
 
 def replacement(text: str) -> tuple[int, str]:
     tag, _, word = text.partition("=")
-    if not tag.isdigit() or word != "specimen":
-        raise Refused(f"--replace {text}: TAG=specimen is needed, with the tag of an element")
+    if not tag.isdigit() or not re.fullmatch(r"[A-Za-z0-9._-]+", word):
+        raise Refused(f"--replace {text}: the tag of an element and the name of a specimen are needed, for example 1=column")
     return int(tag), word
 
 

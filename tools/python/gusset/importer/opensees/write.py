@@ -168,6 +168,7 @@ def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict
     kept = [i for i in range(3) if any(made[i])]
     return {
         "tag": tag,
+        "name": model.replaced[tag],
         "rows": [made[i] for i in kept],
         "stiffness": [[stiffness[i][j] for j in kept] for i in kept],
         "forces": [forces[i] for i in kept],
@@ -302,7 +303,7 @@ def of_specimen(one: dict[str, Any]) -> list[str]:
         "# For the physical specimen, replace `coupled` by a link, stiffness_n_per_m and limits (guide, real-specimen).",
         f"# Under the constant loads OpenSees finds the forces {forces}.",
         "[[specimen]]",
-        f'name = "element-{one["tag"]}"',
+        f'name = "{one["name"]}"',
         "rows = [",
         *(f"    {inline(row)}," for row in one["rows"]),
         "]",
