@@ -442,6 +442,8 @@ fn missing_delay_analysis_has_a_reason() {
     assert_is!(early => delay::DelayError::Unstable { .. });
     system.mass[(0, 0)] = 0.0;
     assert_eq!(continuous(&system), Err(delay::DelayError::Massless));
+    let wrong = discrete(&system, 0.01, 4.0, None).unwrap_err();
+    assert_is!(wrong => delay::DelayError::Massless);
     // Undamped: no delay is stable.
     let limit = at(discrete(&one(0.0, 0.5), 0.01, 4.0, None).unwrap());
     assert!(limit < 1e-5);

@@ -46,7 +46,7 @@ fn effective(system: &Delayed, dt: f64, lambda: f64) -> DMatrix<f64> {
 /// One step of the recursion with a delay of `delay` (s); `lambda` counts where K̃ = K0/λ. State (x, Δt v, d\[i−1\] …, and Δt ḋ\[i−1\] … if the specimen damps).
 ///
 /// # Errors
-/// [`DelayError::Massless`] if M_eff has no inverse, [`DelayError::Parameter`].
+/// [`DelayError::Massless`] if a row has no mass or M_eff no inverse, [`DelayError::Parameter`].
 pub fn recursion(
     system: &Delayed,
     dt: f64,
@@ -59,6 +59,10 @@ pub fn recursion(
         }
     }
     let (axes, n) = system.rows.shape();
+    // Without mass a row follows at once in a test, also where a dashpot gives it an entry of M_eff.
+    if (0..n).any(|row| system.mass[(row, row)] <= 0.0) {
+        return Err(DelayError::Massless);
+    }
     let late = Late::of(&system.ticks, delay / dt);
     // Inertia is a second difference.
     let weighs = system.specimen_mass != 0.0;
