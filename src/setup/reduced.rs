@@ -1,4 +1,4 @@
-//! What the build of a test knows of the reduction of its structure.
+//! A reduction as the build of a test uses it.
 
 use std::sync::Arc;
 
