@@ -108,8 +108,8 @@ pub struct ReduceTable {
     /// Guyan.
     #[schemars(example = 20)]
     pub modes: usize,
-    /// Further DOFs to keep: numbers from 1 for `matrices`, nodes and directions for `frame`.
-    /// Default: none.
+    /// Further DOFs to keep. For `matrices` these are numbers from 1, for `frame` tables such as
+    /// `{ node = "A1", direction = "x" }`. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(example = [120, 240])]
     pub keep: Vec<KeptDof>,

@@ -44,8 +44,8 @@ impl Reduction {
         influences: &[(String, Vec<f64>)],
         count: usize,
     ) -> Result<Accuracy, ReductionError> {
-        let whole_stiffness = self.with_others(self.stiffness(), stiffness);
-        let whole_mass = self.with_others(self.mass(), mass);
+        let whole_stiffness = self.with_others(self.stiffness(), [&self.reduced()[1], stiffness]);
+        let whole_mass = self.with_others(self.mass(), [&self.reduced()[0], mass]);
         let massive = (0..mass.n()).filter(|&row| !mass.row_is_zero(row)).count();
         let found = (count + BEYOND).min(massive);
         let count = count.min(massive);
@@ -85,8 +85,7 @@ impl Reduction {
     }
 
     /// A matrix of the full model with what the reduced one has at kept directions beside its projection.
-    fn with_others(&self, full: &SymMatrix, reduced: &SymMatrix) -> SymMatrix {
-        let own = self.project(full);
+    fn with_others(&self, full: &SymMatrix, [own, reduced]: [&SymMatrix; 2]) -> SymMatrix {
         let more = reduced.entries().filter_map(|(i, j, value)| {
             let known = own.get(i, j);
             let more = value - known;

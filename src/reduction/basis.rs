@@ -52,7 +52,7 @@ pub enum ReductionError {
     },
     /// The iteration for the modes fails.
     #[error(
-        "the lowest {0} modes did not converge: the stiffness is badly scaled, or there are fewer modes"
+        "the lowest {0} modes did not converge: too many of their frequencies are nearly equal, or the stiffness is badly scaled. Use another number of `modes`"
     )]
     NotConverged(usize),
 }
@@ -82,6 +82,8 @@ pub struct Reduction {
     shapes: DMatrix<f64>,
     /// ω of the last mode in rad/s; 0 without modes.
     highest: f64,
+    /// M and K of the reduced model.
+    reduced: [SymMatrix; 2],
 }
 
 /// The last reduction: `gusset check` builds the structure of a test several times.
@@ -233,7 +235,8 @@ impl Reduction {
             shape.iter_mut().for_each(|x| *x /= largest);
             all.column_mut(to).copy_from_slice(&shape);
         }
-        Ok(Self {
+        let mut made = Self {
+            reduced: [0, 1].map(|_| SymMatrix::zeros(0)),
             mass,
             stiffness,
             kept,
@@ -242,13 +245,21 @@ impl Reduction {
             coordinates,
             shapes: all,
             highest,
-        })
+        };
+        made.reduced = [&made.mass, &made.stiffness].map(|matrix| made.project(matrix));
+        Ok(made)
     }
 
     /// Degrees of freedom of the full model.
     #[must_use]
     pub fn full(&self) -> usize {
         self.mass.n()
+    }
+
+    /// M and K of the reduced model.
+    #[must_use]
+    pub fn reduced(&self) -> &[SymMatrix; 2] {
+        &self.reduced
     }
 
     /// M of the full model.
@@ -258,8 +269,7 @@ impl Reduction {
     }
 
     /// K of the full model.
-    #[must_use]
-    pub fn stiffness(&self) -> &SymMatrix {
+    pub(crate) fn stiffness(&self) -> &SymMatrix {
         &self.stiffness
     }
 

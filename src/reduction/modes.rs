@@ -12,7 +12,7 @@ use crate::{add, dot, times};
 /// Vectors of a block.
 const BLOCK: usize = 8;
 /// Residual of K⁻¹ M φ − φ/ω², as a part of 1/ω², at which a mode has converged.
-const TOLERANCE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-6;
 /// Vectors for each mode after which the iteration counts as failed.
 const MOST_PER_MODE: usize = 10;
 /// Part of a vector that must remain when others are subtracted from it, or else it depends on them.

@@ -1,4 +1,4 @@
-//! The reduction of the structure, as the build of a test knows it.
+//! A reduction as the build of a test uses it.
 
 use std::sync::Arc;
 

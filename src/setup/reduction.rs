@@ -131,8 +131,7 @@ pub(super) fn reduced(
         }
         site.refuse(finding)
     })?;
-    linear.mass = reduction.project(reduction.mass());
-    linear.stiffness = reduction.project(reduction.stiffness());
+    [linear.mass, linear.stiffness] = reduction.reduced().clone();
     linear.damping = reduction.project(&linear.damping);
     linear.influence = reduction.motion(&linear.influence);
     linear.damped = linear

@@ -179,7 +179,7 @@ fn mistakes_are_refused_where_they_stand() {
     let building = "[time]\nrate_hz = 256\nduration_s = 2\nclock = \"simulated\"\n\
         [structure.shear_building]\nmass_kg = [1.0, 1.0]\nstiffness_n_per_m = [1e3, 1e3]\n\
         [structure.reduce]\nmodes = 1\n";
-    refused(building, &[], line, line, &["matrices", "frame"]);
+    refused(building, &[], line, "reduce", &["matrices", "frame"]);
 }
 
 #[test]
