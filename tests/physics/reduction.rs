@@ -2,7 +2,7 @@
 
 use crate::common::engine::{Run, distance, prepare, run};
 use crate::common::test_file::TestFile;
-use gusset_control::engine::Ending;
+use gusset_control::engine::{Ending, Side};
 
 /// Masses of a chain of 14, of which some are zero.
 const MASSES: [f64; 14] = [
@@ -110,6 +110,29 @@ fn all_modes_take_the_steps_of_the_model() {
         ));
         let off = difference(&run(&few), &run(&full), &kept, &["force_1_1"]);
         assert!(off > 1e-6, "{damping}: {off:e}");
+    }
+}
+
+#[test]
+fn ground_loads_the_whole_model() {
+    let [ground, still] = [2.0, 0.0].map(|amplitude| {
+        let keys = format!(
+            "structure.reduce.modes = 0\nexcitation.ground_acceleration.signal.sine.amplitude = {amplitude}"
+        );
+        let prepared = prepare(&test(true, "").with(&keys));
+        let reduction = prepared.facts.structure.unwrap().reduction.unwrap().reduction;
+        let Side::Structure(numerical) = prepared.experiment.side else {
+            panic!("no structure");
+        };
+        let mut load = vec![0.0; 3];
+        numerical.excitation.load_into(100, &mut load);
+        (load, reduction)
+    });
+    let accel = 2.0 * (std::f64::consts::TAU * 1.1 * 100.0 / 512.0).sin();
+    let expected = ground.1.ground_load(&[1.0; 14]);
+    for ((load, still), expected) in ground.0.iter().zip(&still.0).zip(expected) {
+        let off = (load - still) / (accel * expected) - 1.0;
+        assert!(off.abs() < 1e-9, "{off:e}");
     }
 }
 
