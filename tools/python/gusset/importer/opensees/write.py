@@ -299,6 +299,7 @@ def of_specimen(one: dict[str, Any]) -> list[str]:
     return [
         "",
         f"# Element {one['tag']} of the script. Axis {names}: m and rad, N and N m.",
+        "# Reports, columns and limits write m and N for all axes.",
         "# It is computed here by its initial stiffness in OpenSees.",
         "# For the physical specimen, replace `coupled` by a link, stiffness_n_per_m and limits (guide, real-specimen).",
         f"# Under the constant loads OpenSees finds the forces {forces}.",
