@@ -35,6 +35,8 @@ MODELS = [
     ("isolated_frame.py", "kN,m,s", DISPLACEMENT),
     ("damped_frame.tcl", "N,m,s", DISPLACEMENT),
     ("infill.py", "kN,m,s", DISPLACEMENT),
+    ("uneven_hinges.py", "kN,m,s", DISPLACEMENT),
+    ("regions.py", "N,m,s", DISPLACEMENT),
     ("mast.tcl", "N,mm,s", DISPLACEMENT),
     ("space_building.py", "N,mm,s", DISPLACEMENT),
 ]
@@ -171,6 +173,19 @@ MISTAKES = [
         "ops.rayleigh(0.0, 0.001, 0.0, 0.0)",
         "frame.py:11: `rayleigh 0.0 0.001`",
     ),
+    ('ops.timeSeries("Constant", 1)\nops.pattern("Plain", 1, 1)\nops.load(2, 1.0, 0.0, 0.0)', "frame.py:10: no static analysis"),
+    ("ops.setTime(1.0)", "begins at the time 1"),
+    ('ops.node(3, 0.0, 6.0, "-mass", 1.0, 1.0, 0.0, "-vel", 0.3, 0.0, 0.0)', "-vel"),
+    (
+        'ops.uniaxialMaterial("Bilin", 3, 1e5, 0.02, 0.02, 50.0, -50.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.02, 0.02, '
+        "0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 1.0, 1.0)\nops.node(3, 0.0, 3.0)\nops.fix(3, 1, 1, 1)\n"
+        'ops.element("zeroLength", 4, 3, 2, "-mat", 3, "-dir", 6)',
+        "IMKBilin",
+    ),
+    (
+        'ops.geomTransf("PDelta", 2)\nops.node(3, 0.0, 6.0)\nops.element("elasticBeamColumn", 2, 2, 3, 0.01, 2e8, 1e-4, 2)',
+        "--replace",
+    ),
     ("1 / 0", "frame.py:9: division by zero"),
     ("raise SystemExit", "transient"),
     ("import time\ntime.sleep(60)", "--timeout"),
@@ -179,7 +194,40 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("more", "text"), MISTAKES)
 def test_mistake_names_its_line(tmp_path, more, text):
-    assert text in refused(tmp_path, more, timeout_s=3)
+    replaced = ["1=column"] if text == "--replace" else []
+    assert text in refused(tmp_path, more, timeout_s=3, replace=replaced)
+
+
+def test_record_is_that_of_its_command(tmp_path):
+    """A script writes one file twice, in another folder, and deletes it. A second motion in one direction has its own file."""
+    more = """import os
+os.makedirs("sub", exist_ok=True)
+os.chdir("sub")
+for tag, value in ((5, 1.0), (6, 3.0)):
+    with open("motion.txt", "w") as file:
+        file.write(f"0 {value} {-value} 0")
+    ops.timeSeries("Path", tag, "-dt", 0.02, "-filePath", "motion.txt")
+    ops.pattern("UniformExcitation", tag, 1, "-accel", tag)
+os.remove("motion.txt")
+"""
+    (tmp_path / "frame.py").write_text(FRAME.format(more=more).replace('ops.pattern("UniformExcitation", 2', "# ("))
+    given = {"source": "opensees", "model": str(tmp_path / "frame.py"), "units": "kN,m,s", "out": str(tmp_path / "frame.toml")}
+    assert run(given) == 0
+    peaks = [max(np.loadtxt(path, delimiter=",", skiprows=1)[:, 1]) for path in sorted(tmp_path.glob("*.csv"))]
+    assert peaks == [1.0, 3.0]
+    (tmp_path / "frame.toml").unlink()
+    with pytest.raises(Refused, match="frame-ground-1-x.csv exists"):
+        run(given)
+
+
+def test_large_model_is_compared(tmp_path):
+    more = """for k in range(3, 150):
+    ops.node(k, 0.0, 3.0 + 0.1 * (k - 2), "-mass", 0.1, 0.1, 0.0)
+    ops.element("elasticBeamColumn", k, k - 1, k, 0.01, 2e8, 1e-3, 1)"""
+    (tmp_path / "frame.py").write_text(FRAME.format(more=more))
+    given = {"source": "opensees", "model": str(tmp_path / "frame.py"), "units": "kN,m,s", "out": str(tmp_path / "frame.toml")}
+    assert run(given) == 0
+    assert gusset.check(tmp_path / "frame.toml").data["structure"]["dofs"] == 444
 
 
 def test_list_names_all_mistakes(tmp_path, capsys):

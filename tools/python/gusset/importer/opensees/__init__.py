@@ -58,6 +58,12 @@ def check_whole(model: Model, script: Path) -> None:
     for tag in model.replaced:
         if tag not in known:
             raise Refused(f"--replace {tag}: there is no beam or column {tag}")
+    bent = [beam.tag for beam in model.beams if beam.turned_from(model) != "Linear"]
+    if model.replaced and bent:
+        raise Refused(
+            f"--replace: element {bent[0]} has a PDelta or Corotational transformation, whose axial force Gusset finds without the "
+            "specimen. Use Linear transformations in the script"
+        )
 
 
 def replacement(text: str) -> tuple[int, str]:

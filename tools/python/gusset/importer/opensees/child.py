@@ -83,6 +83,8 @@ class Recorder:
         self.patterns: list[Any] = []
         # The first error of a command in Tcl.
         self.failure = ""
+        # Where Tcl found an error of its own.
+        self.tcl_error = ""
         self.own = {Path(__file__).resolve()}
 
     def place(self) -> tuple[str, int]:
@@ -109,19 +111,23 @@ class Recorder:
             self.patterns.append(args[1])
         elif name == "loadConst":
             note["factors"] = self.factors()
+        elif name == "timeSeries" and "-filePath" in args:
+            note["file"] = content(args[args.index("-filePath") + 1])
         elif name == "analyze" and self.analysis != "Static":
             self.commands.append(note)
             self.end(None)
-        self.commands.append(note)
         if name in OUTPUT:
+            self.commands.append(note)
             return 0
         try:
             value = getattr(self.ops, name)(*arguments)
         except Exception as reason:
             words = " ".join(map(str, [name, *args[:3]]))
             raise RuntimeError(f"OpenSees does not accept `{words}`; its message stands above") from reason
+        # A command that fails leaves nothing, and the script may go on.
+        self.commands.append(note)
         if name == "analyze":
-            note["result"] = value
+            note.update(result=value, factors=self.factors())
         return value
 
     def factors(self) -> list[tuple[Any, float]]:
@@ -130,10 +136,21 @@ class Recorder:
 
     def end(self, error: str | None) -> None:
         """Writes the record and ends the process."""
-        told = {"commands": self.commands, "error": error, "factors": [] if error else self.factors()}
+        told: dict[str, Any] = {"commands": self.commands, "error": error, "factors": [], "time": 0.0}
+        if not error:
+            told.update(factors=self.factors(), time=self.ops.getTime())
         self.target.write_text(json.dumps(told))
         sys.stdout.flush()
         os._exit(0)
+
+
+def content(path: Any) -> dict[str, Any]:
+    """The numbers of a file as it is now, or what is wrong with it."""
+    try:
+        words = Path(str(path)).read_text().split()
+        return {"values": [float(word) for word in words]}
+    except (OSError, ValueError) as reason:
+        return {"wrong": f"{path}: {reason}"}
 
 
 def plain(value: Any) -> Any:
@@ -238,7 +255,11 @@ class Tcl:
             self.tcl.createcommand(name, lambda *_: recorder.end(f"{script.name}: the script ended before a transient `analyze`"))
 
     def run(self) -> None:
-        self.tcl.eval(f"source {{{self.script}}}")
+        try:
+            self.tcl.eval(f"source {{{self.script}}}")
+        except Exception:
+            self.recorder.tcl_error = str(self.tcl.eval("set errorInfo"))
+            raise
 
     def command(self, name: str) -> Any:
         def called(*words: str) -> Any:
@@ -433,6 +454,9 @@ def main() -> None:
 
 def raised(reason: BaseException, recorder: Recorder) -> tuple[str, int]:
     """The last line of the script in the traceback."""
+    told = re.findall(r'\(file "([^"]*)" line (\d+)\)', recorder.tcl_error)
+    if told:
+        return os.path.relpath(told[0][0], recorder.script.parent), int(told[0][1])
     for entry in reversed(traceback.extract_tb(reason.__traceback__)):
         if Path(entry.filename).exists() and Path(entry.filename).resolve() not in recorder.own and "tkinter" not in entry.filename:
             return os.path.relpath(entry.filename, recorder.script.parent), entry.lineno or 0

@@ -10,8 +10,9 @@ from .model import Beam, Model, Spring
 
 # λ is chosen for this rotation of a corotational element; the user declares his own.
 ROTATION = 0.05
-# Masses below this share of another one are left out.
+# Masses below this share of the largest one are left out, and rotary ones below this share of it at the extent of the frame.
 TINY = 1e-6
+TINY_ROTARY = 1e-10
 # Share of each degree of freedom, by node and direction.
 Motion = dict[tuple[int, str], float]
 
@@ -35,7 +36,7 @@ class Frame:
                 if node not in model.nodes:
                     self.fail(beam.place, f"element {beam.tag} has the unknown node {node}")
             if beam.mass and not model.mistakes:
-                half = beam.mass * self.length(beam) / 2 * model.units.mass / model.units.length
+                half = beam.mass * self.clear_length(beam) / 2 * model.units.mass / model.units.length
                 for node in beam.nodes:
                     model.add_mass(node, half)
         if model.mistakes:
@@ -65,37 +66,45 @@ class Frame:
         first, last = (self.model.nodes[node] for node in beam.nodes)
         return float(sum((b - a) ** 2 for a, b in zip(first, last)) ** 0.5)
 
+    def clear_length(self, beam: Beam) -> float:
+        """Its length between joint offsets, which carries its mass in OpenSees."""
+        at = [list(self.model.nodes[node]) for node in beam.nodes]
+        rest = self.model.turns.get(beam.turned, [])
+        if "-jntOffset" in rest:
+            first, n = rest.index("-jntOffset") + 1, self.model.ndm
+            for end in (0, 1):
+                given = rest[first + end * n : first + (end + 1) * n]
+                at[end] = [x + float(by) * self.model.units.length for x, by in zip(at[end], given)]
+        return float(sum((b - a) ** 2 for a, b in zip(*at)) ** 0.5)
+
     # ---- damping ----
 
     def damped(self) -> dict[str, Any] | None:
         """The rule of damping, and the own coefficients of elements in `own`."""
         model = self.model
-        a, b = model.rayleigh
         self.own: dict[int, float] = {}
-        mass = {tag: a for tag in model.mass}
-        for tags, (of_mass, of_stiffness) in model.regions:
-            for beam in model.beams:
-                if tags is not None and beam.tag in tags and of_stiffness:
-                    self.own[beam.tag] = of_stiffness
-            for tag in tags or ():
-                if of_mass:
-                    mass[tag] = of_mass
-        carried = {mass[tag] for tag, values in model.mass.items() if any(values)}
+
+        def of(element: Beam | Spring) -> tuple[float, float]:
+            return model.element_damping.get(element.tag, (0.0, 0.0)) if element.damped else (0.0, 0.0)
+
+        carried = {model.node_damping.get(tag, 0.0) for tag, values in model.mass.items() if any(values)}
+        carried |= {of(beam)[0] for beam in model.beams if beam.mass}
         if len(carried) > 1:
-            self.fail(("", 0), "nodes with mass have different mass coefficients of damping; Gusset has one for all")
+            self.fail(("", 0), "masses have different mass coefficients of damping; Gusset has one for all")
             return None
-        a = carried.pop() if carried else a
-        for beam in model.beams:
-            if not beam.damped:
-                self.own.setdefault(beam.tag, 0.0)
-        if a == 0 and b == 0 and not any(self.own.values()):
-            self.own = {}
+        a = carried.pop() if carried else 0.0
+        beams = {beam.tag: of(beam)[1] for beam in model.beams}
+        springs = {of(spring)[1] for spring in model.springs} - {0.0}
+        if len(springs) > 1:
+            self.fail(("", 0), "springs have different stiffness coefficients of damping; Gusset has one for all links")
             return None
-        own = [value for tag, value in self.own.items() if value]
-        if b == 0 and own:
-            b = max(set(own), key=own.count)
-            self.own = {beam.tag: self.own.get(beam.tag, 0.0) for beam in model.beams}
-        self.own = {tag: value for tag, value in self.own.items() if value != b}
+        several = [value for value in beams.values() if value]
+        b = springs.pop() if springs else max(set(several), key=several.count, default=0.0)
+        for spring in model.springs:
+            spring.damped = b != 0 and of(spring)[1] == b
+        if a == 0 and b == 0:
+            return None
+        self.own = {tag: value for tag, value in beams.items() if value != b}
         rule: dict[str, Any] = {"mass_coefficient_per_s": a, "stiffness_coefficient_s": b}
         if b:
             rule["stiffness_part"] = "initial"
@@ -142,12 +151,7 @@ class Frame:
         for node in springs[0].nodes:
             joint = next(n for n in springs[0].nodes if n != node)
             beams = at_node.get(node, [])
-            alone = (
-                len(beams) == 1
-                and springs_at[node] == {springs[0].tag}
-                and not any(model.mass.get(node, []))
-                and not model.fixed.get(node)
-            )
+            alone = len(beams) == 1 and springs_at[node] == {springs[0].tag} and not self.masses(node) and not model.fixed.get(node)
             if (
                 not alone
                 or beams[0].kind != "elastic"
@@ -158,7 +162,7 @@ class Frame:
             held = self.held_together(joint, node)
             if self.constrained(node) - {joint}:
                 continue
-            stiff = {s.direction for s in springs if s.direction != "rz" and model.materials[s.material][0] == "Elastic"}
+            stiff = {s.direction for s in springs if s.direction != "rz" and self.is_stiff(s, beams[0])}
             if not ({"x", "y"} <= held | stiff):
                 continue
             if self.stiffness_damping(beams[0]) or turning[0].damped or node in self.loaded():
@@ -171,8 +175,8 @@ class Frame:
                 continue
             beam = beams[0]
             end = "start" if beam.nodes[0] == node else "end"
-            # The rotation of a hinge is that of the member from the joint at its start, of the joint from the member at its end.
-            if (turning[0].nodes[0] == joint) != (end == "start"):
+            # The moment of a hinge turns the joint from the member, at both ends.
+            if turning[0].nodes[0] == joint:
                 law = materials.mirrored(law)
             name = model.named("hinge", repr(law), f"spring-{turning[0].tag}", law)
             beam.table[f"hinge_{end}"] = name
@@ -183,6 +187,13 @@ class Frame:
             self.gone.add(node)
             self.merged.add(springs[0].tag)
             return
+
+    def is_stiff(self, spring: Spring, beam: Beam) -> bool:
+        """True of a spring that only holds a hinge together."""
+        kind, _, *numbers = self.model.materials[spring.material]
+        section = self.model.tables["section"][beam.table["section"]]["elastic"]
+        axial = section["young_pa"] * section["area_m2"] / self.length(beam)
+        return bool(kind == "Elastic" and float(numbers[0]) * self.model.units.force / self.model.units.length >= 100 * axial)
 
     def loaded(self) -> set[int]:
         return {node for pattern in self.model.patterns.values() for node, _ in pattern["loads"]}
@@ -356,29 +367,28 @@ class Frame:
         if not values or not any(values):
             return {}
         held = model.fixed.get(tag, set())
-        shifts = {}
-        for name, value in zip(model.directions, values):
-            if not name.startswith("r"):
-                shifts[name] = value
+        shifts = {name: value for name, value in zip(model.directions, values) if not name.startswith("r")}
         free = {name: value for name, value in shifts.items() if name not in held}
         most = max(free.values(), default=0.0)
         # A tiny mass is there for the solver of OpenSees alone.
-        tiny = [name for name, value in free.items() if value < TINY * most]
+        largest = self.largest_mass()
+        tiny = [name for name, value in free.items() if value < TINY * largest]
         if any(value != most for name, value in free.items() if name not in tiny):
             self.own_mass(tag, shifts)
-        table: dict[str, Any] = {"mass_kg": most}
-        if most and tiny:
+        table: dict[str, Any] = {"mass_kg": most if len(tiny) < len(free) else 0.0}
+        if table["mass_kg"] and tiny:
             table["massless"] = tiny
-        turns = dict(zip(model.directions[model.ndm :], values[model.ndm :]))
+        least = TINY_ROTARY * largest * self.size() ** 2
+        turns = {name: value if value >= least else 0.0 for name, value in zip(model.directions, values) if name.startswith("r")}
         if turns.get("rz"):
             table["rotary_mass_kg_m2"] = turns["rz"]
         if model.ndm == 3 and (turns["rx"] or turns["ry"]):
             table["tilting_mass_kg_m2"] = [turns["rx"], turns["ry"]]
-        # Neither does a tiny rotary one, against the mass at the length of the frame.
-        least = TINY * most * self.size() ** 2
-        if turns.get("rz", 0.0) < least:
-            table.pop("rotary_mass_kg_m2", None)
         return {key: value for key, value in table.items() if value}
+
+    def largest_mass(self) -> float:
+        """Of a direction of a node, kg."""
+        return max((max(values[: self.model.ndm]) for values in self.model.mass.values()), default=0.0)
 
     def size(self) -> float:
         """The largest extent of the frame, m."""

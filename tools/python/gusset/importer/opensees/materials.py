@@ -109,11 +109,12 @@ def law(args: list[Any], units: Units, turns: bool, materials: dict[Any, list[An
         damping, exponent, *_ = given(args, 2)
         if exponent == 1:
             return {"linear": {"stiffness_n_per_m": 0.0, "damping_n_s_per_m": damping * rate * units.time}}
-        return {
-            "power_damper": {"force_at_unit_velocity_n": damping * force * (units.time / disp) ** exponent, "exponent": exponent}
-        }
+        at_one = damping * force * (units.time / disp) ** exponent
+        return {"power_damper": {"force_at_unit_velocity_n": at_one, "exponent": exponent, **steepness(at_one, exponent)}}
     if kind == "ViscousDamper":
-        stiffness, damping, exponent, *_ = given(args, 3)
+        stiffness, damping, exponent, *more = given(args, 3)
+        if any(more[:1]):
+            raise Unfit("has a gap (LGap), which the law does not have")
         scale = force * (units.time / disp) ** exponent
         return {
             "maxwell": {"stiffness_n_per_m": stiffness * rate, "force_at_unit_velocity_n": damping * scale, "exponent": exponent}
@@ -135,7 +136,7 @@ def law(args: list[Any], units: Units, turns: bool, materials: dict[Any, list[An
         if slip:
             made["slip_disp_m"] = slip * disp
         if bearing:
-            made.update({"bearing_disp_m": bearing * disp, "bearing_ratio": ratio or second / first})
+            made.update({"bearing_disp_m": bearing * disp, "bearing_ratio": ratio})
         return {"self_centring": made}
     if kind == "Parallel":
         tags = [value for value in args[2:] if not isinstance(value, str)]
@@ -143,6 +144,11 @@ def law(args: list[Any], units: Units, turns: bool, materials: dict[Any, list[An
             raise Unfit("has factors or unknown materials")
         return {"parallel": [law(materials[tag], units, turns, materials) for tag in tags]}
     raise Unfit("has no counterpart as a law")
+
+
+def steepness(at_one: float, exponent: float) -> dict[str, float]:
+    """What bounds the tangent of a damper whose force is steep at rest."""
+    return {"reference_damping_n_s_per_m": at_one * 0.1 ** (exponent - 1), "linear_below_m_per_s": 1e-3} if exponent < 1 else {}
 
 
 def imk(args: list[Any], disp: float, force: float) -> dict[str, Any]:
@@ -155,6 +161,11 @@ def imk(args: list[Any], disp: float, force: float) -> dict[str, Any]:
         plastic, post, residual, ultimate, factor = ((numbers[i], numbers[i + 1]) for i in range(13, 23, 2))
         if numbers[23] != 0:
             raise Unfit("has an nFactor; give the amplified stiffness and its hardening ratio instead")
+        sides = [(rise, -rise_negative if rise_negative < 0 else rise_negative), (strength, -strength_negative)]
+        if any(lambdas) or any(a != b for a, b in [*sides, plastic, post, residual, ultimate]):
+            raise Unfit(
+                "deteriorates or differs in its directions, where Bilin is not IMKBilin in OpenSees: use IMKBilin in the script"
+            )
         # Strength, post-capping, accelerated reloading, unloading.
         order = ["strength", "post_capping", "reloading", "unloading"]
         caps = [
@@ -221,11 +232,11 @@ def hysteretic(args: list[Any], disp: float, force: float) -> dict[str, Any]:
 
 
 def pinching4(args: list[Any], disp: float, force: float) -> dict[str, Any]:
-    numbers = given(args, 28)
+    numbers = given(args, 27)
     words = [value for value in args[2:] if isinstance(value, str)]
     sides = [corners(numbers[:8], disp, force)]
     rest = numbers[8:]
-    if len(numbers) >= 39 - 1:
+    if len(numbers) >= 38:
         sides.append(corners(numbers[8:16], disp, force))
         rest = numbers[16:]
     pinch = [dict(zip(("r_disp", "r_force", "u_force"), rest[i : i + 3])) for i in (0, 3)]
@@ -235,7 +246,7 @@ def pinching4(args: list[Any], disp: float, force: float) -> dict[str, Any]:
         made["negative"] = sides[1]
         made["negative_pinching"] = pinch[1]
     made.update({"g_k": damage[:5], "g_d": damage[5:10], "g_f": damage[10:15], "g_e": damage[15]})
-    if words[:1] == ["cycle"]:
+    if [word.lower() for word in words[:1]] == ["cycle"]:
         made["damage"] = "cycle"
     return made
 

@@ -88,11 +88,13 @@ class Model:
         self.rigid: dict[int, list[int]] = {}
         self.floors: dict[int, list[int]] = {}
         self.series: dict[Any, list[Any]] = {}
+        self.files: dict[Any, dict[str, Any]] = {}
         self.patterns: dict[Any, dict[str, Any]] = {}
         self.constant: dict[Any, float] = {}
         self.motions: list[dict[str, Any]] = []
-        self.rayleigh = [0.0, 0.0]
-        self.regions: list[tuple[set[int] | None, list[float]]] = []
+        # Coefficients of nodes for their mass, and of elements for their mass and stiffness.
+        self.node_damping: dict[int, float] = {}
+        self.element_damping: dict[int, tuple[float, float]] = {}
         self.duration: float | None = None
         self.used: dict[str, dict[Any, str]] = {"material": {}, "section": {}, "hinge": {}}
         self.tables: dict[str, dict[str, Any]] = {"material": {}, "section": {}, "hinge": {}}
@@ -108,10 +110,14 @@ class Model:
             try:
                 if name == "loadConst":
                     held = True
+                    if self.motions:
+                        self.refuse("stops the ground motion that stands before it: put the pattern UniformExcitation after it")
                     self.constant.update({tag: factor for tag, factor in one["factors"]})
                 elif name == "analyze":
                     self.analyze(one, args)
                 elif hasattr(self, f"do_{name}"):
+                    if "file" in one:
+                        self.files[args[1]] = one["file"]
                     getattr(self, f"do_{name}")(*args)
                 elif name not in IGNORED and not name.startswith(QUERIES):
                     self.refuse(f"the command `{name}` has no counterpart in Gusset")
@@ -119,20 +125,33 @@ class Model:
                 self.refuse(f"`{' '.join([name, *map(str, args[:2])])}` {reason}")
             except (TypeError, ValueError, IndexError, KeyError) as reason:
                 self.refuse(f"`{name} {' '.join(map(str, args))}` is not understood ({type(reason).__name__}: {reason})")
+        self.begin(record, held)
+
+    def begin(self, record: dict[str, Any], held: bool) -> None:
+        """The loads and the time with which the transient analysis begins."""
         for tag, factor in record["factors"]:
             pattern = self.patterns.get(tag)
-            if pattern and tag not in self.constant and (pattern["loads"] or pattern["beams"]):
-                self.place = pattern["place"]
-                if self.series.get(pattern["series"], [""])[0] == "Constant":
-                    self.constant[tag] = factor
-                else:
-                    why = "follow `loadConst`" if held else "are not held: no `loadConst` stands before the transient analysis"
-                    self.refuse(
-                        f"the loads of pattern {tag} {why}, so they change in the transient analysis, which has no counterpart"
-                    )
+            if not pattern or not (pattern["loads"] or pattern["beams"]):
+                continue
+            self.place = pattern["place"]
+            if tag not in self.constant and self.series.get(pattern["series"], [""])[0] == "Constant":
+                self.constant[tag] = factor
+            if tag not in self.constant:
+                why = "follow `loadConst`" if held else "are not held: no `loadConst` stands before the transient analysis"
+                self.refuse(f"the loads of pattern {tag} {why}, so they change in the transient analysis, which has no counterpart")
+            elif not pattern["analyzed"]:
+                self.refuse(f"no static analysis follows pattern {tag}: loads that act suddenly have no counterpart")
+            elif pattern["unloaded"] and not self.is_linear():
+                self.refuse(f"pattern {tag} was larger before: the state after unloading has no counterpart")
+        self.place = tuple(record["commands"][-1]["place"]) if record["commands"] else ("", 0)
+        if not self.motions:
+            self.refuse("no `pattern UniformExcitation` stands before the transient analysis")
+        elif abs(record["time"]) > 1e-9:
+            self.refuse(f"the transient analysis begins at the time {record['time']:g}: begin it at 0, with `loadConst -time 0.0`")
 
     def refuse(self, text: str) -> None:
-        self.mistakes.append(Mistake(self.place, text))
+        if all(text != known.text for known in self.mistakes):
+            self.mistakes.append(Mistake(self.place, text))
 
     # ---- model ----
 
@@ -153,8 +172,9 @@ class Model:
         self.nodes[tag] = [value * self.units.length for value in at]
         more = list(rest[self.ndm :])
         if more[:1] == ["-mass"]:
-            self.do_mass(tag, *more[1:])
-        elif more:
+            self.do_mass(tag, *more[1 : 1 + self.ndf])
+            more = more[1 + self.ndf :]
+        if more:
             raise Unfit(f"has the option {more[0]}, which has no counterpart")
         if len(self.given_directions()) < len(self.directions):
             self.fixed.setdefault(tag, set()).update(self.directions[self.ndm :])
@@ -226,7 +246,11 @@ class Model:
         numbers = [value for value in rest if not isinstance(value, str)]
         if kind == "Elastic":
             made["numbers"] = [float(value) for value in numbers]
+            if len(numbers) > (6 if self.ndm == 3 else 3):
+                raise Unfit("has a shear stiffness, which a member does not have")
         elif kind == "Fiber":
+            if "-noCentroid" in rest:
+                raise Unfit("has the option -noCentroid, which has no counterpart")
             if "-GJ" in rest:
                 made["torsion"] = float(rest[rest.index("-GJ") + 1])
             elif "-torsion" in rest:
@@ -402,6 +426,8 @@ class Model:
         section = self.sections[rest[0]]
         made.table["section"] = self.fibre_section(rest[0])
         if section["kind"] == "Elastic":
+            if rule == "Lobatto" and int(rest[1]) < 3:
+                raise Unfit("has an elastic section and two points, which do not bend as an elastic member: use three")
             made.kind, made.elastic = "elastic", True
             return
         made.table["points"] = int(rest[1])
@@ -477,9 +503,12 @@ class Model:
         self.pattern_now = None
         if kind == "Plain":
             self.pattern_now = {"series": rest[0], "loads": [], "beams": [], "place": self.place}
+            self.pattern_now.update(analyzed=False, unloaded=False, most=0.0)
             self.patterns[tag] = self.pattern_now
         elif kind == "UniformExcitation":
             direction, options = int(rest[0]), dict(zip(rest[1::2], rest[2::2]))
+            if direction > self.ndm:
+                raise Unfit("is a rotation of the ground, which has no counterpart")
             unknown = set(options) - {"-accel", "-fact"}
             if unknown and (unknown != {"-vel0"} or options["-vel0"] != 0):
                 raise Unfit(f"has the option {sorted(unknown)[0]}, which has no counterpart")
@@ -515,12 +544,14 @@ class Model:
         if kind != "Path":
             raise Unfit(f"has a time series of the kind {kind}; only Path is known for a ground motion")
         _, options = self.split(rest)
-        self.only(options, "-dt", "-values", "-filePath", "-factor", "-prependZero", "-useLast", "-time", "-fileTime")
+        self.only(options, "-dt", "-values", "-filePath", "-factor", "-prependZero", "-time", "-fileTime")
         if "-dt" not in options:
             raise Unfit("has a time series with single times; give it a constant step -dt")
         if "-filePath" in options:
-            path = self.folder / str(options["-filePath"][0])
-            values = [float(word) for word in path.read_text().split()]
+            file = self.files[tag]
+            if "wrong" in file:
+                raise Unfit(f"has a record that cannot be read: {file['wrong']}")
+            values = file["values"]
         else:
             values = [float(value) for value in options["-values"]]
         if "-prependZero" in options:
@@ -544,31 +575,40 @@ class Model:
         return plain and all(self.materials[spring.material][0] in ("Elastic", "Viscous") for spring in self.springs)
 
     def do_rayleigh(self, *numbers: float) -> None:
-        self.rayleigh = self.stiffness_part([float(value) for value in numbers])
+        a, b = self.stiffness_part([float(value) for value in numbers])
+        self.node_damping = dict.fromkeys(self.nodes, a)
+        self.element_damping = {element.tag: (a, b) for element in self.elements()}
+
+    def elements(self) -> list[Beam | Spring]:
+        return [*self.beams, *self.springs]
 
     def do_region(self, _tag: Any, *args: Any) -> None:
         _, options = self.split(list(args))
         if "-rayleigh" not in options:
             return
-        numbers = self.stiffness_part([float(value) for value in options["-rayleigh"]])
-        elements: set[int] = set()
-        if "-ele" in options or "-eleOnly" in options:
-            elements = {int(tag) for key in ("-ele", "-eleOnly") for tag in options.get(key, [])}
-        elif "-eleRange" in options or "-eleOnlyRange" in options:
-            first, last = options.get("-eleRange") or options["-eleOnlyRange"]
-            elements = {beam.tag for beam in self.beams if int(first) <= beam.tag <= int(last)}
+        a, b = self.stiffness_part([float(value) for value in options["-rayleigh"]])
         nodes: set[int] = set()
-        if "-node" in options or "-nodeOnly" in options:
-            nodes = {int(tag) for key in ("-node", "-nodeOnly") for tag in options.get(key, [])}
-        elif "-nodeRange" in options or "-nodeOnlyRange" in options:
-            first, last = options.get("-nodeRange") or options["-nodeOnlyRange"]
-            nodes = {tag for tag in self.nodes if int(first) <= tag <= int(last)}
-        if elements and not nodes:
-            nodes = {node for beam in self.beams if beam.tag in elements for node in beam.nodes}
-        if nodes and not elements and "-node" in options:
-            elements = {beam.tag for beam in self.beams if set(beam.nodes) <= nodes}
-        self.regions.append((elements, [0.0, numbers[1]]))
-        self.regions.append((nodes, [numbers[0], 0.0]))
+        elements: set[int] = set()
+        for option, given in options.items():
+            tags = {int(tag) for tag in given if not isinstance(tag, str)} if option != "-rayleigh" else set()
+            every = self.nodes if option.startswith("-node") else [element.tag for element in self.elements()]
+            if option.endswith("Range"):
+                tags = {tag for tag in every if int(given[0]) <= tag <= int(given[1])}
+            if option in ("-ele", "-eleRange"):
+                elements |= tags
+                nodes |= {node for element in self.elements() if element.tag in tags for node in element.nodes}
+            elif option in ("-eleOnly", "-eleOnlyRange"):
+                elements |= tags
+            elif option in ("-node", "-nodeRange"):
+                nodes |= tags
+                elements |= {element.tag for element in self.elements() if set(element.nodes) <= tags}
+            elif option in ("-nodeOnly", "-nodeOnlyRange"):
+                nodes |= tags
+            elif option != "-rayleigh":
+                raise Unfit(f"has the option {option}, which has no counterpart")
+        # A later command takes the place of an earlier one.
+        self.node_damping.update(dict.fromkeys(nodes, a))
+        self.element_damping.update(dict.fromkeys(elements, (a, b)))
 
     def do_modalDamping(self, *_: Any) -> None:
         raise Unfit(
@@ -579,13 +619,18 @@ class Model:
     do_modalDampingQ = do_modalDamping
 
     def analyze(self, one: dict[str, Any], args: list[Any]) -> None:
-        if "result" in one:
-            if one["result"] != 0:
-                self.refuse("the static analysis did not converge in OpenSees")
+        if "result" not in one:
+            if len(args) >= 2:
+                self.duration = float(args[0]) * float(args[1]) * self.units.time
             return
-        if len(args) >= 2:
-            self.duration = float(args[0]) * float(args[1]) * self.units.time
-            self.step = float(args[1]) * self.units.time
+        if one["result"] != 0:
+            self.refuse("the static analysis did not converge in OpenSees")
+        for tag, factor in one["factors"]:
+            pattern = self.patterns.get(tag)
+            if pattern:
+                pattern["analyzed"] = True
+                pattern["unloaded"] = pattern["unloaded"] or abs(factor) < pattern["most"] * (1 - 1e-9)
+                pattern["most"] = max(pattern["most"], abs(factor))
 
     def do_integrator(self, kind: str, *_: Any) -> None:
         if kind in ("DisplacementControl", "ArcLength", "ArcLength1", "MinUnbalDispNorm"):

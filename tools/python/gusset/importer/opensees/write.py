@@ -14,6 +14,8 @@ from .model import Model
 
 # Largest difference between both programs, as a share of the largest value.
 ALLOWED = 1e-6
+# With P-Δ: the axial forces are those before a frame sways under its loads.
+ALLOWED_P_DELTA = 1e-4
 LEAST_RATE = 1000.0
 DAMPERS = {"maxwell", "power_damper"}
 
@@ -37,31 +39,43 @@ def write(
         found = check(bare)
     except GussetError as reason:
         raise Refused(f"gusset check refuses the imported model:\n{reason}") from None
-    places = found.data["structure"]["places"]
-    frequencies = found.data["structure"]["frequencies_rad_per_s"]
-    massive = len([place for place in places if has_mass(model, frame, place)])
-    question = {
-        **record,
-        "replaced": list(model.replaced),
-        "constant": list(model.constant.items()),
-        "masses": massive,
-        "dofs": len(places),
-    }
+    structure = found.data["structure"]
+    places = structure["places"]
+    massive = massive_places(model, frame)
+    frequencies = structure["frequencies_rad_per_s"] or of_large(bare, next(place for place in places if place in massive))
+    constant = list(model.constant.items())
+    count = len(massive.intersection(places))
+    question = {**record, "replaced": list(model.replaced), "constant": constant, "masses": count, "dofs": len(places)}
     told = answered(question, folder)
     compared = compare_frequencies(frequencies, [value / model.units.time for value in told["frequencies"]])
     loaded = bool(frame.loads)
     lines = [compared]
     if loaded:
         lines.append(compare_displacements(model, frame, script, told["moved"], places, folder))
-    specimens = [specimen(model, frame, tag, places, told) for tag in model.replaced]
-    out.parent.mkdir(parents=True, exist_ok=True)
+    specimens = [specimen(model, frame, tag, places, told, massive) for tag in model.replaced]
+    files = {}
     motions = []
-    for motion in model.motions:
-        path = out.with_name(f"{out.stem}-ground-{motion['direction']}.csv" if len(model.motions) > 1 else f"{out.stem}-ground.csv")
+    for number_, motion in enumerate(model.motions, 1):
+        several = f"-{number_}-{motion['direction']}" if len(model.motions) > 1 else ""
+        path = out.with_name(f"{out.stem}-ground{several}.csv")
         rows = (f"{i * motion['dt']!r},{value!r}" for i, value in enumerate(motion["values"]))
-        path.write_text("\n".join(["time_s,accel_m_per_s2", *rows]) + "\n")
+        files[path] = "\n".join(["time_s,accel_m_per_s2", *rows]) + "\n"
         motions.append((motion, path.name))
-    out.write_text(text(model, frame, script, specimens, motions, compared=lines))
+    files[out] = text(model, frame, script, specimens, motions, compared=lines)
+    for path in files:
+        if path.exists():
+            raise Refused(f"{path} exists already; remove it, or choose another file with --out")
+    whole = folder / "whole"
+    whole.mkdir()
+    for path, content in files.items():
+        (whole / path.name).write_text(content)
+    try:
+        check(whole / out.name)
+    except GussetError as reason:
+        raise Refused(f"gusset check refuses the imported model:\n{reason}") from None
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for path, content in files.items():
+        path.write_text(content)
     print(f"{out} written. {' '.join(lines)}")
     for note in model.notes:
         print(f"note: {note}")
@@ -69,22 +83,28 @@ def write(
     return 0
 
 
-def has_mass(model: Model, frame: Frame, place: str) -> bool:
-    """True if a degree of freedom, such as "3 x", has a mass: at its node, or at a node that follows it."""
-    name, direction = place.rsplit(" ", 1)
-    masses = {str(tag): frame.masses(tag) for tag in model.nodes if tag not in frame.gone}
+def massive_places(model: Model, frame: Frame) -> set[str]:
+    """Degrees of freedom, such as "3 x", that have a mass at their node or at a node that follows it."""
+    found = set()
     for tag in model.nodes:
-        if tag in frame.gone:
-            continue
-        table = masses[str(tag)]
-        if (int(name), direction) not in frame.motion(tag, direction):
-            continue
-        if direction.startswith("r"):
-            if table.get("rotary_mass_kg_m2") or table.get("tilting_mass_kg_m2"):
-                return True
-        elif table.get("mass_kg") and direction not in table.get("massless", []):
-            return True
-    return False
+        table = {} if tag in frame.gone else frame.masses(tag)
+        tilts = table.get("tilting_mass_kg_m2", [0.0, 0.0])
+        turns = {"rx": tilts[0], "ry": tilts[1], "rz": table.get("rotary_mass_kg_m2", 0.0)}
+        for direction in model.directions:
+            shifted = 0.0 if direction in table.get("massless", []) else table.get("mass_kg", 0.0)
+            if turns.get(direction, shifted):
+                found |= {f"{node} {along}" for node, along in frame.motion(tag, direction)}
+    return found
+
+
+def of_large(test: Path, place: str) -> list[float]:
+    """The lowest frequencies of a large model, which `check` tells beside those of a reduced one."""
+    from ..._check import check
+
+    node, direction = place.rsplit(" ", 1)
+    reduced = {"structure.reduce": {"modes": 12, "keep": [{"node": node, "direction": direction}]}}
+    modes = check(test, set=reduced).data["structure"]["reduction"]["lowest_modes"]
+    return [mode["frequency_rad_per_s"] for mode in modes]
 
 
 def compare_frequencies(ours: list[float], theirs: list[float]) -> str:
@@ -129,7 +149,8 @@ def compare_displacements(
         share = abs(a - b) / largest if largest else 0.0
         if share > worst:
             worst, where = share, f"{place}: {a:.9g} and {b:.9g}"
-    if worst > ALLOWED:
+    allowed = ALLOWED_P_DELTA if any(member.get("p_delta") for member in frame.members) else ALLOWED
+    if worst > allowed:
         raise Refused(
             "under the constant loads the imported model moves otherwise than in OpenSees, solved to 1e-10 (Gusset and OpenSees, "
             f"{where}; "
@@ -138,7 +159,7 @@ def compare_displacements(
     return f"Displacements under the constant loads agree to {max(worst, 1e-12):.0e}."
 
 
-def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict[str, Any]) -> dict[str, Any]:
+def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict[str, Any], massive: set[str]) -> dict[str, Any]:
     """The element as a specimen: its axes are its elongation and the rotations of its ends from the chord."""
     try:
         rows = frame.deformations(tag)
@@ -151,7 +172,7 @@ def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict
             place = f"{node} {direction}"
             if abs(value) < 1e-15:
                 continue
-            if not has_mass(model, frame, place):
+            if place not in massive:
                 raise Refused(
                     f"--replace {tag}: {place} of element {tag} has no mass, so a measured force on it would be a step late. "
                     f"Give node {node} a mass in {direction} in the script"
@@ -166,6 +187,8 @@ def specimen(model: Model, frame: Frame, tag: int, places: list[str], told: dict
     stiffness = [[flat[3 * i + j] * unit[i] / disp[j] for j in range(3)] for i in range(3)]
     forces = [value * factor for value, factor in zip(told["forces"].get(str(tag), [0.0] * 3), unit)]
     kept = [i for i in range(3) if any(made[i])]
+    if any(frame.stiffness_damping(beam) for beam in model.beams if beam.tag == tag):
+        model.notes.append(f"The specimen in place of element {tag} is not damped by the rule.")
     return {
         "tag": tag,
         "name": model.replaced[tag],
@@ -330,7 +353,7 @@ def rate_of(model: Model) -> float:
 
 
 def duration(model: Model) -> float:
-    whole = max((motion["dt"] * len(motion["values"]) for motion in model.motions), default=10.0)
-    asked = model.duration or 0.0
-    wanted = asked if asked > 2 * getattr(model, "step", 0.0) else whole
+    wanted = float(max(motion["dt"] * len(motion["values"]) for motion in model.motions))
+    if model.duration:
+        wanted = max(wanted, model.duration)
     return max(round(wanted * rate_of(model)), 2) / rate_of(model)
