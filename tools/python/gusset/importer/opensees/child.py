@@ -83,7 +83,7 @@ class Recorder:
         self.patterns: list[Any] = []
         # The first error of a command in Tcl.
         self.failure = ""
-        # Where Tcl found an error of its own.
+        # Where Tcl found an error.
         self.tcl_error = ""
         self.own = {Path(__file__).resolve()}
 
@@ -145,7 +145,7 @@ class Recorder:
 
 
 def content(path: Any) -> dict[str, Any]:
-    """The numbers of a file as it is now, or what is wrong with it."""
+    """The numbers that a file has now, or what is wrong with it."""
     try:
         words = Path(str(path)).read_text().split()
         return {"values": [float(word) for word in words]}

@@ -387,7 +387,7 @@ class Frame:
         return {key: value for key, value in table.items() if value}
 
     def largest_mass(self) -> float:
-        """Of a direction of a node, kg."""
+        """The largest mass of a direction of a node, kg."""
         return max((max(values[: self.model.ndm]) for values in self.model.mass.values()), default=0.0)
 
     def size(self) -> float:
