@@ -68,7 +68,7 @@ def compare(folder, name, units, allowed, seconds=10.0):
     assert run(given) == 0
     record = recorded(folder / name, folder, 300)
     known = parse(units)
-    model = Model(record, known, folder, {}, False)
+    model = Model(record, known, {}, False)
     Frame(model)
     assert not model.mistakes
     places = gusset.check(folder / "model.toml").data["structure"]["places"]

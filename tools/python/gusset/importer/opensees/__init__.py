@@ -34,7 +34,7 @@ def run(options: dict[str, Any]) -> int:
     with tempfile.TemporaryDirectory(prefix="gusset-import-") as folder:
         print(f"Running {script} until its first transient analysis ...", file=sys.stderr)
         record = recorded(script, Path(folder), float(options.get("timeout_s") or 300))
-        model = Model(record, units, script.resolve().parent, replaced, bool(options.get("accept_damping")))
+        model = Model(record, units, replaced, bool(options.get("accept_damping")))
         frame = Frame(model)
         if not model.mistakes:
             check_whole(model, script)

@@ -24,7 +24,6 @@ class Frame:
         self.model = model
         self.gone: set[int] = set()
         self.merged: set[int] = set()
-        self.equal = {key: list(nodes) for key, nodes in model.equal.items()}
         self.members: list[dict[str, Any]] = []
         self.links: list[dict[str, Any]] = []
         self.loads: dict[int, list[float]] = {}
@@ -129,9 +128,9 @@ class Frame:
     def merge(self) -> None:
         """A rotational spring between a joint and the end of one elastic member becomes a hinge of the member."""
         model = self.model
-        groups: dict[tuple[int, ...], list[Spring]] = {}
+        groups: dict[int, list[Spring]] = {}
         for spring in model.springs:
-            groups.setdefault((spring.tag,), []).append(spring)
+            groups.setdefault(spring.tag, []).append(spring)
         at_node: dict[int, list[Beam]] = {}
         for beam in model.beams:
             for node in beam.nodes:
@@ -337,7 +336,7 @@ class Frame:
         if links:
             made["link"] = links
         constraints: list[dict[str, Any]] = []
-        for (master, along), nodes_ in self.equal.items():
+        for (master, along), nodes_ in model.equal.items():
             kept = [str(node) for node in nodes_ if node not in self.gone]
             if kept and master not in self.gone:
                 constraints.append({"equal": {"master": str(master), "nodes": kept, "directions": list(along)}})
@@ -406,7 +405,7 @@ class Frame:
         model = self.model
         if direction in model.fixed.get(node, set()):
             return {}
-        for (master, along), nodes in self.equal.items():
+        for (master, along), nodes in model.equal.items():
             if node in nodes and direction in along:
                 return self.motion(master, direction)
         for master, nodes in model.rigid.items():

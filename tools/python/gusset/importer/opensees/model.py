@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from ..units import Units
@@ -21,7 +20,6 @@ IGNORED = {
     "initialize", "setNumThreads", "responseSpectrumAnalysis",
 }  # fmt: skip
 QUERIES = ("node", "ele", "get", "basic", "section", "test", "retain", "peer", "convert", "load")
-TRANSIENT = ("Transient", "VariableTransient", "PFEM")
 
 
 @dataclass
@@ -69,8 +67,8 @@ class Spring:
 class Model:
     """The model that the commands of a script build."""
 
-    def __init__(self, record: dict[str, Any], units: Units, folder: Path, replaced: dict[int, str], accept_damping: bool) -> None:
-        self.units, self.folder, self.replaced, self.accept_damping = units, folder, replaced, accept_damping
+    def __init__(self, record: dict[str, Any], units: Units, replaced: dict[int, str], accept_damping: bool) -> None:
+        self.units, self.replaced, self.accept_damping = units, replaced, accept_damping
         self.mistakes: list[Mistake] = []
         self.notes: list[str] = []
         self.directions: tuple[str, ...] = PLANE
@@ -81,7 +79,7 @@ class Model:
         self.materials: dict[Any, list[Any]] = {}
         self.sections: dict[Any, dict[str, Any]] = {}
         self.turns: dict[Any, list[Any]] = {}
-        self.integrations: dict[Any, tuple[list[Any], tuple[str, int]]] = {}
+        self.integrations: dict[Any, list[Any]] = {}
         self.beams: list[Beam] = []
         self.springs: list[Spring] = []
         self.equal: dict[tuple[int, tuple[str, ...]], list[int]] = {}
@@ -300,7 +298,7 @@ class Model:
         self.turns[tag] = [kind, *rest]
 
     def do_beamIntegration(self, kind: str, tag: Any, *rest: Any) -> None:
-        self.integrations[tag] = ([kind, *rest], self.place)
+        self.integrations[tag] = [kind, *rest]
 
     # ---- elements ----
 
@@ -417,7 +415,7 @@ class Model:
             of, rest = rule, [section_tag, points]
         else:
             first, last, turned, number = front[:4]
-            (of, *rest), _ = self.integrations[number]
+            of, *rest = self.integrations[number]
         if of != rule:
             raise Unfit(f"has the integration {of}; with this element only {rule} is known")
         if len(rest) != 2:

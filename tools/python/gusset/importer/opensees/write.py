@@ -308,7 +308,7 @@ def text(
             *([f'direction = "{motion["direction"]}"'] if motion["direction"] != "x" or len(motions or []) > 1 else []),
         ]
         lines += [
-            f'signal.file = {{ path = "{path}", column = {{ name = "accel_m_per_s2" }}, unit = "m/s^2" }}',
+            f'signal.file = {{ path = {inline(path)}, column = {{ name = "accel_m_per_s2" }}, unit = "m/s^2" }}',
             "processing.zero_tail = true",
         ]
     for one in specimens:
