@@ -264,9 +264,6 @@ def text(
             member.pop("stiffness_coefficient_s", None)
         for link in tables.get("link", []):
             link.pop("damped", None)
-    elif not frame.damping:
-        for link in tables.get("link", []):
-            link.pop("damped", None)
     if frame.needs_lambda:
         lines += [
             "# A law without a bound of its stiffness: λ is given, and its stability is not proven.",
@@ -300,13 +297,11 @@ def text(
                 ]
             else:
                 lines += ["", f"[structure.frame.{name}.{key(each)}.{kind}]", *(f"{key(a)} = {inline(b)}" for a, b in of.items())]
+    several = len(motions or []) > 1
     for motion, path in motions or []:
-        table = f"{'[[' if len(motions or []) > 1 else '['}excitation.ground_acceleration{']]' if len(motions or []) > 1 else ']'}"
-        lines += [
-            "",
-            table,
-            *([f'direction = "{motion["direction"]}"'] if motion["direction"] != "x" or len(motions or []) > 1 else []),
-        ]
+        lines += ["", "[[excitation.ground_acceleration]]" if several else "[excitation.ground_acceleration]"]
+        if several or motion["direction"] != "x":
+            lines.append(f'direction = "{motion["direction"]}"')
         lines += [
             f'signal.file = {{ path = {inline(path)}, column = {{ name = "accel_m_per_s2" }}, unit = "m/s^2" }}',
             "processing.zero_tail = true",
