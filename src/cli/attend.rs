@@ -17,6 +17,22 @@ use gusset_setup::Facts;
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);
 
+/// The texts of a question that the operator confirms.
+struct Confirmable {
+    here: &'static str,
+    elsewhere: &'static str,
+}
+
+const READINGS: Confirmable = Confirmable {
+    here: "Enter, y or yes: these are right, go on. Ctrl-C: end.",
+    elsewhere: "what was read is to be confirmed",
+};
+
+const RELEASE: Confirmable = Confirmable {
+    here: "the drives hold the specimen with torque. Unload every axis, then press Enter, y or yes: the torque ends.",
+    elsewhere: "the drives hold the specimen with torque; unload every axis, then confirm",
+};
+
 /// Refuses a test that needs a confirmation without a terminal; adds a warning if `--yes` confirms it unseen.
 pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     if facts.confirm && !yes && !std::io::stdin().is_terminal() {
@@ -62,7 +78,13 @@ impl Attendant {
                             reading,
                         } => self.tell(port, axis, reading),
                         Notice::AwaitingConfirmation => {
-                            if self.yes || self.is_confirmed_here() {
+                            if self.yes || self.is_confirmed_here(&READINGS) {
+                                self.confirm();
+                            }
+                        }
+                        // `--yes` confirms readings, and never that an axis is unloaded.
+                        Notice::AwaitingRelease => {
+                            if self.is_confirmed_here(&RELEASE) {
                                 self.confirm();
                             }
                         }
@@ -82,18 +104,19 @@ impl Attendant {
         ));
     }
 
-    /// Asks at the terminal until the readings are confirmed elsewhere.
-    fn is_confirmed_here(&self) -> bool {
+    /// Asks at the terminal until the confirmation comes from elsewhere.
+    fn is_confirmed_here(&self, texts: &Confirmable) -> bool {
         let run = self.run.display();
         let question = Question {
-            here: "Enter, y or yes: these are right, go on. Ctrl-C: end.",
+            here: texts.here,
             elsewhere: &format!(
-                "what was read is to be confirmed: from another terminal, with `gusset continue {run}`"
+                "{}: from another terminal, with `gusset continue {run}`",
+                texts.elsewhere
             ),
         };
         let answered = question.ask(|| self.phase.glimpse().unconfirmed);
         if answered == Answered::Over && self.phase.get().can_be_held() {
-            remark("another operator has confirmed the readings: no answer is needed here");
+            remark("another operator has confirmed: no answer is needed here");
         }
         answered == Answered::Yes
     }

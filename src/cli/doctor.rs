@@ -5,7 +5,7 @@ use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
 use gusset_config::TimingSpec;
-use gusset_record::rt::doctor::{Finding, Verdict, examine, fitness};
+use gusset_record::rt::doctor::{Finding, Verdict, examine, examine_interface, fitness};
 use gusset_setup::rt_plan;
 
 /// Length of a tick for which the machine is examined.
@@ -16,6 +16,11 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
     let plan = rt_plan(&TimingSpec::default(), USUAL_PERIOD_NS);
     let mut findings = examine(plan);
     let verdict = fitness::verdict(&findings);
+    findings.extend(
+        args.interface
+            .iter()
+            .flat_map(|name| examine_interface(name)),
+    );
     if args.json {
         findings.push(verdict);
         answer(serde_json::to_string_pretty(&findings)?)?;

@@ -466,6 +466,18 @@ pub trait Substructure: Send {
         self.pause()
     }
 
+    /// All commands were sent: the specimen comes to rest where it is. True if a drive holds it with a torque that only the operator
+    /// may remove; then [`Substructure::retire`] follows when the operator has said that the specimen is unloaded. May block.
+    fn settle(&mut self, how: Retirement) -> bool {
+        let _ = how;
+        false
+    }
+
+    /// Deviation of the clock of the specimen from the clock of this machine, in ppm; NaN as long as it is not known. Real-time: yes.
+    fn clock_ppm(&self) -> f64 {
+        f64::NAN
+    }
+
     /// Says goodbye in the link's protocol. Called once, whatever happened before.
     fn retire(&mut self, how: Retirement);
 

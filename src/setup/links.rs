@@ -222,6 +222,7 @@ fn rules(link: &LinkSpec, period: f64) -> WaitRules {
             StaleChoice::Stop => OnStale::Stop,
         },
         stale_in_a_row: link.stale_bound(period),
+        has_clock: false,
     }
 }
 

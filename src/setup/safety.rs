@@ -274,6 +274,7 @@ pub(super) fn exits(
         }
     };
     Ok(Exits {
+        comes_to_rest: false,
         on_trip: exit(safety.on_trip),
         at_end: exit(safety.at_end),
         // Only "freeze" does without; that was checked.

@@ -266,6 +266,7 @@ fn after_a_trip(on_trip: Exit) -> (Run, Vec<f64>) {
         on_trip,
         at_end: Exit::Freeze,
         speed: 0.01,
+        comes_to_rest: false,
     };
     // The return ramp must be able to carry the force that tripped.
     let (run, way) = lab.run();
@@ -278,6 +279,35 @@ fn trip_freezes_by_default() {
     let (run, way) = after_a_trip(Exit::Freeze);
     assert_eq!(phases(&run)[3..], ["tripped", "safe"]);
     assert_eq!(way.len(), 1, "the command whose answer tripped");
+}
+
+#[test]
+fn drive_comes_to_rest_after_a_trip() {
+    const ACCEL: f64 = 15.0;
+    let mut ends = Vec::new();
+    for comes_to_rest in [false, true] {
+        let mut lab = Lab::new(SHORT);
+        lab.limits
+            .set(Limit::MeasuredForce, Range::trip([-2000.0, 2000.0]));
+        lab.limits
+            .set(Limit::CommandAccel, Range::trip([-ACCEL, ACCEL]));
+        lab.exits.comes_to_rest = comes_to_rest;
+        let (run, mut way) = lab.run();
+        let words: &[&str] = match comes_to_rest {
+            false => &["tripped", "safe"],
+            true => &["tripped", "leaving", "safe"],
+        };
+        assert_eq!(phases(&run)[3..], *words);
+        // It rests at its last command.
+        way.push(way[way.len() - 1]);
+        let stop = &way[way.len() - 12..];
+        let accels = stop
+            .windows(3)
+            .map(|x| ((x[2] - x[1]) - (x[1] - x[0])).abs() / (PERIOD * PERIOD));
+        ends.push(accels.fold(0.0, f64::max));
+    }
+    assert!(ends[0] > ACCEL, "{ends:?}");
+    assert!(ends[1] <= ACCEL, "{ends:?}");
 }
 
 #[test]
@@ -335,6 +365,7 @@ fn led_after_its_end(bound: f64) -> Lab {
         on_trip: Exit::Freeze,
         at_end: Exit::Safe(AtAxis(vec![0.3])),
         speed: 0.5,
+        comes_to_rest: false,
     };
     lab
 }
@@ -570,6 +601,7 @@ fn shutdown_keeps_its_own_limits() {
             on_trip: exit.clone(),
             at_end: Exit::Freeze,
             speed: 0.05,
+            comes_to_rest: false,
         };
         let (run, way) = lab.run();
         assert_eq!(run.outcome.unfinished, None, "{exit:?}");
@@ -596,6 +628,7 @@ fn nothing_is_estimated_in_the_shutdown() {
         on_trip: Exit::Freeze,
         at_end: Exit::Safe(AtAxis(vec![0.05])),
         speed: 0.05,
+        comes_to_rest: false,
     };
     let (run, way) = lab.run();
     assert_eq!(run.outcome.ending, Ending::Completed);
@@ -764,6 +797,7 @@ fn led_to(
         on_trip: exit.clone(),
         at_end: exit,
         speed: 0.5,
+        comes_to_rest: false,
     };
     experiment.ports.push(spec.build().unwrap());
     let run = run_on(experiment, SimClock::new());

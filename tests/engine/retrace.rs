@@ -150,6 +150,7 @@ fn experiment(
                 at_end: (kind.exit)(),
                 on_trip: Exit::Freeze,
                 speed: 0.05,
+                comes_to_rest: false,
             };
             spec.build().unwrap()
         }

@@ -432,6 +432,7 @@ fn startup_tick_uses_its_share_of_the_step() {
         on_trip: Exit::Freeze,
         at_end: Exit::ZeroDisp,
         speed: 0.05,
+        comes_to_rest: false,
     };
     experiment.ports.push(spec.build().unwrap());
     let period = experiment.period.value();

@@ -67,6 +67,9 @@ pub(in crate::cli) enum ModelArg {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  gusset doctor\n\nMore: gusset guide real-time")]
 pub(in crate::cli) struct DoctorArgs {
+    /// Also examine this network interface, which is to carry an EtherCAT bus.
+    #[arg(long, value_name = "NAME")]
+    pub interface: Option<String>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     pub json: bool,

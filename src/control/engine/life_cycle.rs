@@ -241,6 +241,7 @@ impl Stopped {
     /// Every specimen receives its last message, and the record is closed.
     #[must_use]
     pub fn retire(mut self) -> Retired {
+        self.await_release();
         self.send_last_messages();
         let ending = self.ending;
         let test = &mut self.test;
@@ -263,14 +264,38 @@ impl Stopped {
         }
     }
 
+    /// The message of the last of all messages: how the test ended.
+    fn retirement(&self) -> Retirement {
+        if self.fault.is_some() {
+            Retirement::Tripped
+        } else {
+            self.ending.cause().into()
+        }
+    }
+
+    /// Every specimen comes to rest. Where a drive holds one with torque, the operator says when it is unloaded: no other request,
+    /// and no time limit, removes the torque.
+    fn await_release(&mut self) {
+        let how = self.retirement();
+        let mut holds = false;
+        let mut ports = std::mem::take(&mut self.test.ports);
+        for port in &mut ports {
+            match catch_unwind(AssertUnwindSafe(|| port.exchange_mut().settle(how))) {
+                Ok(by_torque) => holds |= by_torque,
+                Err(panic) => self.note_panic(panic_text(panic.as_ref())),
+            }
+        }
+        self.test.ports = ports;
+        let supervision = &mut self.test.parts.environment.supervision;
+        if holds {
+            supervision.await_release();
+        }
+    }
+
     fn send_last_messages(&mut self) {
         let mut ports = std::mem::take(&mut self.test.ports);
         for port in &mut ports {
-            let how = if self.fault.is_some() {
-                Retirement::Tripped
-            } else {
-                self.ending.cause().into()
-            };
+            let how = self.retirement();
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| port.exchange_mut().retire(how))) {
                 self.note_panic(panic_text(panic.as_ref()));
             }

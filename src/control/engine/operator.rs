@@ -132,6 +132,8 @@ pub enum Notice {
     },
     /// What was read is to be confirmed with [`Operator::Confirm`].
     AwaitingConfirmation,
+    /// Drives hold a specimen with torque. [`Operator::Confirm`] says that it is unloaded, and the torque ends.
+    AwaitingRelease,
 }
 
 /// The operator's line into the loop: polled once a tick, never waited on.

@@ -7,9 +7,9 @@ use std::ops::Range;
 
 use crate::port::{LoadingUnit, Port};
 use gusset_quantity::catalog::column::{
-    ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, EXCHANGES, FALSE_DAMPING, FORCE, GAIN, JUDGED,
-    Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE,
-    STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
+    ACTUATOR_FORCE, ADDED, CLOCK_PPM, COMMAND, COMPENSATION, EXCHANGES, FALSE_DAMPING, FORCE, GAIN,
+    JUDGED, Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE,
+    SEQUENCE, STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
 use gusset_record::Column;
 
@@ -59,7 +59,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
             .chain(margins)
             .chain(port.path().compensation_parameters())
             .chain(poses)
-            .chain(port.guard().judged());
+            .chain(port.guard().judged())
+            .chain(port.exchange().clock_ppm());
         for (slot, value) in further.iter_mut().zip(all) {
             *slot = value;
         }
@@ -148,7 +149,11 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
             ..named(&JUDGED, JUDGED.of_parameter(row.name, number, axis))
         });
     }
-    for kind in [&SEQUENCE, &STATUS, &EXCHANGES, &STALE] {
+    let clock = port.exchange().clock_ppm().map(|_| &CLOCK_PPM);
+    let kinds = clock
+        .into_iter()
+        .chain([&SEQUENCE, &STATUS, &EXCHANGES, &STALE]);
+    for kind in kinds {
         columns.push(Column {
             meaning: kind.told(&specimen),
             ..named(kind, kind.of_specimen(number))

@@ -113,6 +113,7 @@ impl ReceivedTest {
             reply_timeout_ns,
             on_stale: OnStale::Stop,
             stale_in_a_row: HOLDING_IN_A_ROW,
+            has_clock: false,
         });
         let received = Received::new(signals, port.axes(), units, port_units, clock.now());
         let limits = Limits {

@@ -1,6 +1,7 @@
 //! The shutdown: every specimen holds, or is moved slowly to where it is to be left, and then receives the last message.
 //!
-//! After a stop of the operator each specimen that moves is braked first, within its limit of acceleration.
+//! After a stop of the operator each specimen that moves is braked first, within its limit of acceleration; so is a drive after a
+//! trip.
 //!
 //! A specimen that is saturated, whose measurements are stale, whose interlock is open, or which its own watchdog holds is not commanded: its own end holds it.
 //! One whose load cell left its range is not led by a force. Until it is known how the specimens are wired, where their zeros
@@ -125,7 +126,7 @@ impl Shutdown {
         if tripped {
             engine.ports.iter_mut().for_each(Port::excuse);
         }
-        let brakes = Self::end_motion(engine.ends.is_after_operator(), engine);
+        let brakes = Self::end_motion(engine.ends.is_after_operator(), tripped, engine);
         let shutdown = Self::new(tripped, is_known, brakes, engine);
         let ports = engine.ports.iter().zip(&shutdown.exits);
         let moves =
@@ -153,11 +154,17 @@ impl Shutdown {
         led
     }
 
-    /// The motion under way is over. Returns the brake of each specimen that needs one, if all are to `brake`.
-    fn end_motion(brake: bool, engine: &mut Engine<'_>) -> Vec<Option<Brake>> {
-        let tick = brake.then(|| engine.environment.pace.period_s());
+    /// The motion under way is over. Returns the brake of each specimen that needs one, if `all` are to brake; after a trip
+    /// those that a frozen command would jerk do.
+    fn end_motion(all: bool, tripped: bool, engine: &mut Engine<'_>) -> Vec<Option<Brake>> {
+        let tick = engine.environment.pace.period_s();
         let ports = engine.ports.iter_mut();
-        ports.map(|port| port.end_test(tick)).collect()
+        ports
+            .map(|port| {
+                let brakes = all || (tripped && port.exits().comes_to_rest);
+                port.end_test(brakes.then_some(tick), tripped)
+            })
+            .collect()
     }
 
     /// Brakes the specimens whose shutdown the operator stopped.
@@ -166,7 +173,7 @@ impl Shutdown {
             brake,
             ..Exit::default()
         };
-        let brakes = Self::end_motion(true, engine);
+        let brakes = Self::end_motion(true, false, engine);
         let rests = Self {
             tripped: false,
             retraces: false,
@@ -236,6 +243,9 @@ impl Shutdown {
                 } else {
                     exit.brake = None;
                     port.has_come_to_rest();
+                    if self.tripped {
+                        port.excuse();
+                    }
                 }
             }
         }

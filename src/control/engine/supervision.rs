@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use super::operator::{Client, Control, Operator, Requests};
+use super::operator::{Client, Control, Notice, Operator, Requests};
 use super::phase::{Glimpse, Phase};
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
@@ -229,6 +229,21 @@ impl Supervision {
     /// Asks for a confirmation of the sensor readings.
     pub(crate) fn ask_for_confirmation(&mut self) {
         self.confirmation = Confirmation::Awaited;
+        self.show();
+    }
+
+    /// Waits until the operator confirms that the specimens are unloaded, which drives hold with torque. Nothing else ends the wait.
+    pub(crate) fn await_release(&mut self) {
+        self.requests.clear();
+        self.ask_for_confirmation();
+        let _ = self.control.notices.try_send(Notice::AwaitingRelease);
+        while self.is_unconfirmed() {
+            let most = Duration::from_nanos(LISTEN_NS);
+            self.requests.wait(&self.control, most);
+            if self.requests.take(&self.control) == Some(Operator::Confirm) {
+                self.confirm();
+            }
+        }
         self.show();
     }
 

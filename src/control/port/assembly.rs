@@ -451,7 +451,7 @@ impl Port {
     /// The test is over, and nothing is estimated from here on. A partner that owes an answer gets no command before that has come.
     /// `tick`: the operator ended it, and the specimen is to brake in ticks of these seconds of wall time. If it need not, the last
     /// command counts as one at rest.
-    pub(crate) fn end_test(&mut self, tick: Option<f64>) -> Option<Brake> {
+    pub(crate) fn end_test(&mut self, tick: Option<f64>, tripped: bool) -> Option<Brake> {
         self.exchange.state_mut().end_test();
         self.pause_estimates();
         self.pause_following();
@@ -460,6 +460,8 @@ impl Port {
         let brake = tick.and_then(|tick| self.guard.brake(tick));
         if brake.is_none() {
             self.guard.rests();
+        } else if tripped {
+            self.guard.lets_brake();
         }
         brake
     }

@@ -63,6 +63,8 @@ pub struct WaitRules {
     pub on_stale: OnStale,
     /// Stale measurements in a row after which the test stops.
     pub stale_in_a_row: u64,
+    /// The loop follows the clock of this specimen, and records how far that deviates.
+    pub has_clock: bool,
 }
 
 /// The exchange with one substructure.
@@ -392,6 +394,17 @@ impl Exchange {
         if self.has_begun() {
             let _ = self.substructure.halt();
         }
+    }
+
+    /// See [`Substructure::settle`].
+    pub(crate) fn settle(&mut self, how: Retirement) -> bool {
+        self.substructure.settle(how)
+    }
+
+    /// See [`Substructure::clock_ppm`]; none of a specimen whose clock the loop does not follow. Real-time: yes.
+    pub(crate) fn clock_ppm(&self) -> Option<f64> {
+        let has_clock = self.wait.is_some_and(|wait| wait.has_clock);
+        has_clock.then(|| self.substructure.clock_ppm())
     }
 
     /// Says goodbye.

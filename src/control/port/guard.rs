@@ -307,7 +307,13 @@ impl Guard {
         let noise =
             noise.map(|(axis, (metres, _))| AtSpecimen(startup.reading(axis).disp_noise * metres));
         self.watch.excuse(noise);
+        self.watch.brakes(false);
         self.force_is_unknown |= self.watch.has_tripped(Limit::SensorForce);
+    }
+
+    /// A specimen that has tripped comes to rest: nothing but a value that is no number stops it.
+    pub(super) const fn lets_brake(&mut self) {
+        self.watch.brakes(true);
     }
 
     /// True if a load cell tripped at the end of its range.

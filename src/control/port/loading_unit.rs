@@ -557,6 +557,7 @@ mod tests {
             on_trip: Exit::ZeroDisp,
             at_end: Exit::Freeze,
             speed: 0.1,
+            comes_to_rest: false,
         };
         let mut way = port.begin_return_move(true, 0.01).unwrap();
         assert!(port.go_on(&mut way));

@@ -39,6 +39,9 @@ pub struct Exits {
     pub at_end: Exit,
     /// Largest speed of either in m/s of the specimen.
     pub speed: f64,
+    /// After a trip the commands come to rest within the limit of acceleration, as after a stop of the operator: a drive follows a
+    /// command that freezes with a jump of its velocity.
+    pub comes_to_rest: bool,
 }
 
 impl Exits {

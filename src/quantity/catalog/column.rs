@@ -411,6 +411,9 @@ kinds! {
     /// Value that a limit of an axis judged.
     JUDGED = "judged", Parameter, "of the limit", Controller, "where the limit has a level",
         "value that the limit NAME judged in this tick; none if it judged nothing";
+    /// Deviation of the clock of a bus.
+    CLOCK_PPM = "clock_ppm", Specimen, "ppm", Clock, "where the loop follows the clock of a bus",
+        "deviation of the clock of the bus of {specimen} from the clock of this computer";
     /// Number of a command.
     SEQUENCE = "seq", Specimen, "1", Measured, ALWAYS, "number of the newest command in force when {specimen} was sampled";
     /// Status flags.

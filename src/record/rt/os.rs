@@ -339,6 +339,44 @@ pub(crate) fn privileges() -> Privileges {
     }
 }
 
+/// Delay in µs after a frame before the interface of this name interrupts; `None` if its driver does not say. It may be adaptive: then
+/// the delay is that of the present setting.
+#[must_use]
+pub(crate) fn coalescing_us(name: &str) -> Option<u32> {
+    // ETHTOOL_GCOALESCE of linux/ethtool.h: a command and 22 numbers, of which the second is `rx_coalesce_usecs`.
+    const GET_COALESCING: u32 = 0x0e;
+    const SIOCETHTOOL: u32 = 0x8946;
+    let mut settings = [0u32; 23];
+    settings[0] = GET_COALESCING;
+    // SAFETY: ifreq is a plain struct of bytes, integers and pointers, for which all bits zero is a value.
+    let mut request: libc::ifreq = unsafe { std::mem::zeroed() };
+    // The last byte stays the end of the text.
+    let room = request.ifr_name.len() - 1;
+    if name.len() > room {
+        return None;
+    }
+    for (to, from) in request.ifr_name.iter_mut().zip(name.bytes()) {
+        *to = from as _;
+    }
+    request.ifr_ifru.ifru_data = settings.as_mut_ptr().cast();
+    let socket = rustix::net::socket(
+        rustix::net::AddressFamily::INET,
+        rustix::net::SocketType::DGRAM,
+        None,
+    );
+    let socket = socket.ok()?;
+    // SAFETY: the socket is open; `request` and `settings` are alive for the length of the call, and the kernel writes no more than
+    // the 23 numbers of this command.
+    let outcome = unsafe {
+        libc::ioctl(
+            socket.as_raw_fd(),
+            SIOCETHTOOL as _,
+            std::ptr::from_mut(&mut request),
+        )
+    };
+    (outcome == 0).then_some(settings[1])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -44,11 +44,13 @@ pub struct Watch {
     targets: Targets,
     /// On the way out after a trip.
     leaves: bool,
+    /// It comes to rest after a trip, which is the mildest end: only what is not a number ends that.
+    brakes: bool,
 }
 
 // A running test does not leave.
 state! {
-    Watch as "watch" { tick, tick_before, sent: choice(&[0, 1, 2]), measured, targets, axes } keeps { leaves }
+    Watch as "watch" { tick, tick_before, sent: choice(&[0, 1, 2]), measured, targets, axes } keeps { leaves, brakes }
 }
 
 impl Watch {
@@ -68,6 +70,7 @@ impl Watch {
             measured: false,
             targets: Targets::AreCommands,
             leaves: false,
+            brakes: false,
         }
     }
 
@@ -122,7 +125,7 @@ impl Watch {
         for Axis { past, .. } in &mut self.axes {
             *past = past.of_a_session();
         }
-        (self.measured, self.leaves) = (false, false);
+        (self.measured, self.leaves, self.brakes) = (false, false, false);
     }
 
     /// The specimen is found at `disp`, and keeps the speed of its last commands. Without a command before it is at rest.
@@ -159,7 +162,7 @@ impl Watch {
         disp: impl Iterator<Item = AtSpecimen<f64>>,
         found: &mut Found,
     ) {
-        let (pace, sent) = (self.pace(), self.sent);
+        let (pace, sent, brakes) = (self.pace(), self.sent, self.brakes);
         let aims = self.targets == Targets::AreTold;
         for ((index, axis), AtSpecimen(disp)) in self.axes.iter_mut().enumerate().zip(disp) {
             let Axis {
@@ -168,6 +171,9 @@ impl Watch {
                 past,
             } = axis;
             let values = past.of_command(disp, pace, aims, sent);
+            if brakes && values.iter().all(|value| value.is_finite()) {
+                continue;
+            }
             if !(sent >= 2 && past.warned == 0 && inner.command.covers(&values)) {
                 let mut judge = past.judge(index, limits, found);
                 judge.judge_group(COMMAND, &values, sent);
@@ -195,6 +201,11 @@ impl Watch {
         }
         self.sent = (self.sent + 1).min(2);
         self.tick_before = self.tick;
+    }
+
+    /// A specimen that has tripped comes to rest, or rests.
+    pub(crate) const fn brakes(&mut self, brakes: bool) {
+        self.brakes = brakes;
     }
 
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
@@ -337,7 +348,7 @@ impl Watch {
         values: impl Iterator<Item = AtSpecimen<(f64, f64, f64)>> + Clone,
         found: &mut Found,
     ) {
-        let seen_before = self.measured;
+        let (seen_before, brakes) = (self.measured, self.brakes);
         // All of them first: what one axis feels another may have done.
         let any =
             self.leaves && self.goes_on(values.clone().map(|AtSpecimen((.., stands))| stands));
@@ -348,6 +359,9 @@ impl Watch {
                 past,
             } = axis;
             let values = past.of_measurement(values, seen_before, limits);
+            if brakes && values.iter().all(|value| value.is_finite()) {
+                continue;
+            }
             if !(seen_before && past.warned == 0 && inner.measurement.covers(&values)) {
                 let own = past.trips.goes_on();
                 let mut judge = past.judge(index, limits, found);

@@ -26,13 +26,13 @@ impl Tree {
     }
 
     /// Trimmed text of a file, if it exists. The path has no leading slash.
-    fn text(&self, path: &str) -> Option<String> {
+    pub(super) fn text(&self, path: &str) -> Option<String> {
         let bytes = std::fs::read(self.root.join(path)).ok()?;
         Some(String::from_utf8_lossy(&bytes).trim().to_owned())
     }
 
     /// Sorted names in a directory; empty without one.
-    fn names(&self, path: &str) -> Vec<String> {
+    pub(super) fn names(&self, path: &str) -> Vec<String> {
         let Ok(entries) = std::fs::read_dir(self.root.join(path)) else {
             return Vec::new();
         };
@@ -43,7 +43,7 @@ impl Tree {
         names
     }
 
-    fn cpus(&self, path: &str) -> Option<Vec<usize>> {
+    pub(super) fn cpus(&self, path: &str) -> Option<Vec<usize>> {
         proc::cpu_list(&self.text(path)?)
     }
 }

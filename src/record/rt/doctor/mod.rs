@@ -10,9 +10,11 @@ use super::RtPlan;
 use super::os::process_cpus;
 
 pub mod fitness;
+pub mod interface;
 pub mod machine;
 pub mod trial;
 
+pub use interface::examine_interface;
 pub(crate) use machine::Tree;
 
 /// How good a finding is for a real-time test.
