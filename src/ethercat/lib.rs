@@ -2,6 +2,7 @@
 //!
 //! | module | what it does |
 //! |---|---|
+//! | [`line`] | frames to the devices and back |
 //! | [`mapping`] | entries of process data: their text in a test file, their bytes in a frame |
 //! | [`plan`] | what a test file says about a bus: its devices, their process data, its clock |
 //!
@@ -10,5 +11,7 @@
 //!
 //! It follows ETG.1000 (data link and application layer) and ETG.6010 (drives). It was never tried on hardware.
 
+pub mod line;
 pub mod mapping;
 pub mod plan;
+mod wire;

@@ -37,14 +37,76 @@ pub struct DevicePlan {
 /// A CiA-402 drive: what is required of it before it may have torque.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivePlan {
-    /// Name of its position, in counts per metre of the axis: `target = d · counts_per_m`. Negative if it is mounted the other way.
-    pub counts_per_m: f64,
-    /// Largest acceleration in m/s² with which a target comes to rest when no command follows.
-    pub accel_m_per_s2: f64,
-    /// Largest following-error window (6065) in m; none if nothing limits it.
-    pub following_error_m: Option<f64>,
-    /// Why a quick-stop option (605A) that ends without torque is accepted.
+    /// Counts of its position in one unit of the axis; negative if it is mounted the other way.
+    pub counts_per_unit: f64,
+    /// Largest acceleration, in units of the axis per s², with which a target comes to rest when no command follows.
+    pub accel: f64,
+    /// Largest window of the following error (6065) in counts; none if nothing limits it.
+    pub following_counts: Option<f64>,
+    /// A quick-stop option (605A) that ends without torque is accepted.
     pub accepts_free_stop: bool,
+}
+
+/// Place of an entry: its device in the order of the bus, and its number among the inputs or outputs of the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct EntryPlace {
+    /// Device, from 0.
+    pub device: usize,
+    /// Entry, from 0.
+    pub entry: usize,
+}
+
+/// A quantity in counts of an entry: `value = per_count · (count − zero_count)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaled {
+    /// The entry.
+    pub at: EntryPlace,
+    /// Value of one count, in the unit of the axis.
+    pub per_count: f64,
+    /// Count where the value is zero.
+    pub zero_count: f64,
+}
+
+/// An input with flags: `(count & mask) == equals` is right.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Check {
+    /// The input.
+    pub at: EntryPlace,
+    /// Bits that count.
+    pub mask: u32,
+    /// What they must be.
+    pub equals: u32,
+}
+
+/// What carries the command of an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CommandPlan {
+    /// An output, for instance ±10 V to a servo controller.
+    Output(Scaled),
+    /// A drive: its device, from 0.
+    Drive(usize),
+}
+
+/// One axis of a specimen on the bus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisPlan {
+    /// Its command.
+    pub command: CommandPlan,
+    /// Its force.
+    pub force: Scaled,
+    /// Its displacement; that of the drive, or else the command, if there is none.
+    pub disp: Option<Scaled>,
+    /// Flags of its sensors.
+    pub good: Vec<Check>,
+}
+
+/// One specimen on the bus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpecimenPlan {
+    /// Its axes.
+    pub axes: Vec<AxisPlan>,
+    /// Its interlock is closed if all are right.
+    pub interlock: Vec<Check>,
 }
 
 /// A bus.
