@@ -11,7 +11,18 @@
 //!
 //! It follows ETG.1000 (data link and application layer) and ETG.6010 (drives). It was never tried on hardware.
 
+mod axis_drive;
+mod bring_up;
+mod clocks;
+mod cycle;
+mod error;
+mod follow;
 pub mod line;
 pub mod mapping;
 pub mod plan;
+mod request;
 mod wire;
+
+pub use bring_up::{Found, bring_up, reset_faults, scan};
+pub use error::BusError;
+pub use follow::{BusTime, FollowingClock};

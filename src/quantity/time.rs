@@ -258,6 +258,11 @@ pub trait Clock: Send {
     /// Returns at or after `at`; at once if `at` has passed. Real-time: yes.
     fn sleep_until(&self, at: Nanos);
 
+    /// Where a grid of edges may begin that begins at `earliest` or later: a clock that follows a bus has a phase.
+    fn grid_start(&self, earliest: Nanos) -> Nanos {
+        earliest
+    }
+
     /// True when time passes only because somebody sleeps: then nothing is ever late.
     fn is_simulated(&self) -> bool {
         false

@@ -92,7 +92,8 @@ impl Pace {
     pub(crate) fn begin(&mut self) {
         self.edge = 0;
         let now = self.keep_reading();
-        self.schedule = Schedule::new(now.plus(LEAD_NS), self.period);
+        let start = self.clock.grid_start(now.plus(LEAD_NS));
+        self.schedule = Schedule::new(start, self.period);
         self.first_edge = self.schedule.tick(0);
     }
 

@@ -35,7 +35,26 @@ pub(crate) struct Sii {
     pub coe: bool,
     /// Its first string: usually its order number.
     pub name: String,
+    /// Its sync managers, in order.
+    pub managers: Vec<Manager>,
 }
+
+/// A sync manager: a window into the memory of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Manager {
+    /// First address, and length in bytes.
+    pub start: u16,
+    pub length: u16,
+    /// Control byte: direction, buffers, watchdog.
+    pub control: u8,
+    /// 1 and 2: the mailboxes; 3: outputs; 4: inputs; 0: the EEPROM does not say.
+    pub kind: u8,
+}
+
+/// Bytes of a sync manager in the EEPROM.
+const MANAGER_SIZE: usize = 8;
+/// Most sync managers of a device.
+const MOST_MANAGERS: usize = 8;
 
 impl Sii {
     /// Reads an EEPROM through `word`, which reads the two words at an address. None if a read fails.
@@ -50,6 +69,7 @@ impl Sii {
             send: pair(word(SEND_MAILBOX)?),
             coe: word(PROTOCOLS)? as u16 & COE != 0,
             name: String::new(),
+            managers: Vec::new(),
         };
         let mut at = CATEGORIES;
         while at < MOST_WORDS {
@@ -57,9 +77,11 @@ impl Sii {
             if kind == END {
                 break;
             }
-            if kind == STRINGS && words > 0 {
+            if kind == STRINGS && words > 0 && sii.name.is_empty() {
                 sii.name = first_string(at + 2, words, &mut word)?;
-                break;
+            }
+            if kind == MANAGERS && sii.managers.is_empty() {
+                sii.managers = managers(at + 2, words, &mut word)?;
             }
             let Some(next) = at.checked_add(2).and_then(|at| at.checked_add(words)) else {
                 break;
@@ -87,6 +109,27 @@ fn first_string(at: u16, words: u16, word: &mut impl FnMut(u16) -> Option<u32>) 
     )
 }
 
+/// The sync managers that begin at the word `at`.
+fn managers(
+    at: u16,
+    words: u16,
+    word: &mut impl FnMut(u16) -> Option<u32>,
+) -> Option<Vec<Manager>> {
+    let count = (usize::from(words) * 2 / MANAGER_SIZE).min(MOST_MANAGERS);
+    let mut all = Vec::with_capacity(count);
+    for index in 0..count {
+        let first = at.checked_add((index * MANAGER_SIZE / 2) as u16)?;
+        let (place, rest) = (word(first)?, word(first.checked_add(2)?)?);
+        all.push(Manager {
+            start: place as u16,
+            length: (place >> 16) as u16,
+            control: rest as u8,
+            kind: (rest >> 24) as u8,
+        });
+    }
+    Some(all)
+}
+
 /// Content of the EEPROM of a simulated device.
 #[derive(Debug, Clone)]
 pub(crate) struct Contents<'a> {
@@ -103,8 +146,8 @@ const INPUTS: u16 = 50;
 const OUTPUTS: u16 = 51;
 
 impl Contents<'_> {
-    /// The bytes of the EEPROM. `managers` are start, length and control byte of each sync manager.
-    pub(crate) fn bytes(&self, managers: &[(u16, u16, u8)]) -> Vec<u8> {
+    /// The bytes of the EEPROM.
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let sii = self.sii;
         let mut bytes = vec![0u8; 2 * usize::from(CATEGORIES)];
         let mut set = |at: u16, value: u32| {
@@ -146,12 +189,11 @@ impl Contents<'_> {
         category(GENERAL, &general);
         // Unit 0 is for outputs, 1 for inputs, 2 for the state of the mailbox.
         category(UNITS, &[1, 2, 3, 0xff]);
-        let rows = managers.iter().enumerate().flat_map(|(index, manager)| {
-            let (start, length, control) = *manager;
-            let [s0, s1] = start.to_le_bytes();
-            let [l0, l1] = length.to_le_bytes();
-            let enabled = u8::from(length > 0);
-            [s0, s1, l0, l1, control, 0, enabled, index as u8 + 1]
+        let rows = sii.managers.iter().flat_map(|manager| {
+            let [s0, s1] = manager.start.to_le_bytes();
+            let [l0, l1] = manager.length.to_le_bytes();
+            let enabled = u8::from(manager.length > 0);
+            [s0, s1, l0, l1, manager.control, 0, enabled, manager.kind]
         });
         category(MANAGERS, &rows.collect::<Vec<u8>>());
         for (kind, index, manager, entries) in [
@@ -192,6 +234,15 @@ mod tests {
         }
     }
 
+    fn manager(start: u16, length: u16, control: u8, kind: u8) -> Manager {
+        Manager {
+            start,
+            length,
+            control,
+            kind,
+        }
+    }
+
     #[test]
     fn contents_read_back() {
         let sii = Sii {
@@ -203,6 +254,12 @@ mod tests {
             send: (0x1080, 128),
             coe: true,
             name: "EL3102".to_owned(),
+            managers: vec![
+                manager(0x1000, 128, 0x26, 1),
+                manager(0x1080, 128, 0x22, 2),
+                manager(0x1100, 0, 0x24, 3),
+                manager(0x1180, 4, 0x20, 4),
+            ],
         };
         let inputs = [
             "6000:01 u16 state".parse().unwrap(),
@@ -213,12 +270,7 @@ mod tests {
             outputs: &[],
             inputs: &inputs,
         };
-        let bytes = contents.bytes(&[
-            (0x1000, 128, 0x26),
-            (0x1080, 128, 0x22),
-            (0x1100, 0, 0x24),
-            (0x1180, 4, 0x20),
-        ]);
+        let bytes = contents.bytes();
         assert_eq!(Sii::read(reader(&bytes)), Some(sii));
         // Vendor at the byte of the standard.
         assert_eq!(bytes[16..20], [2, 0, 0, 0]);

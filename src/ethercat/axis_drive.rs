@@ -1,0 +1,188 @@
+//! A CiA-402 drive in the cycle: its way to torque and back, and its target.
+//!
+//! Until a drive has torque, its target is its actual position. A target that moves and gets no new command comes to rest within the
+//! limit of acceleration; after that it takes no more commands. A fault is never reset here.
+
+use crate::error::BusError;
+use crate::mapping::{Entry, Kind};
+use crate::plan::{DevicePlan, DrivePlan};
+use crate::wire::drive as words;
+use crate::wire::drive::DriveState;
+
+/// Place of a value in the image of a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub offset: usize,
+    pub kind: Kind,
+}
+
+impl Place {
+    pub(crate) fn read(self, image: &[u8]) -> f64 {
+        self.kind.read(image.get(self.offset..).unwrap_or_default())
+    }
+
+    pub(crate) fn write(self, value: f64, image: &mut [u8]) {
+        let place = image.get_mut(self.offset..).unwrap_or_default();
+        self.kind.write(value, place);
+    }
+}
+
+/// Finds an object among entries that begin at `start` in the image.
+fn find(entries: &[Entry], start: usize, index: u16) -> Option<Place> {
+    let mut offset = start;
+    for entry in entries {
+        if entry.index == index {
+            let kind = entry.kind;
+            return Some(Place { offset, kind });
+        }
+        offset += entry.kind.bytes();
+    }
+    None
+}
+
+/// What is wanted of a drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    NoTorque,
+    Operation,
+    QuickStop,
+}
+
+/// One drive.
+#[derive(Debug)]
+pub(crate) struct Drive {
+    /// Its device, from 0.
+    pub device: usize,
+    control: Place,
+    status: Place,
+    target: Place,
+    actual: Place,
+    counts_per_unit: f64,
+    /// Largest change of the step from tick to tick, in counts.
+    brake: f64,
+    wanted: Wanted,
+    state: DriveState,
+    /// Target in counts, and what it last moved by in a tick.
+    counts: f64,
+    step: f64,
+    is_told: bool,
+    has_rested: bool,
+}
+
+impl Drive {
+    /// The drive of a device whose outputs and inputs begin at these places of the image.
+    pub(crate) fn new(
+        (device, plan, drive): (usize, &DevicePlan, &DrivePlan),
+        [outputs, inputs]: [usize; 2],
+        period_s: f64,
+    ) -> Result<Self, BusError> {
+        let missing = |what: &str| BusError::Drive {
+            device: plan.name.clone(),
+            why: format!("it does not map {what}"),
+        };
+        let output = |index| find(&plan.outputs, outputs, index);
+        let input = |index| find(&plan.inputs, inputs, index);
+        Ok(Self {
+            device,
+            control: output(words::CONTROLWORD).ok_or_else(|| missing("6040 (controlword)"))?,
+            target: output(words::TARGET_POSITION)
+                .ok_or_else(|| missing("607A (target position)"))?,
+            status: input(words::STATUSWORD).ok_or_else(|| missing("6041 (statusword)"))?,
+            actual: input(words::ACTUAL_POSITION)
+                .ok_or_else(|| missing("6064 (actual position)"))?,
+            counts_per_unit: drive.counts_per_unit,
+            brake: drive.accel * drive.counts_per_unit.abs() * period_s * period_s,
+            wanted: Wanted::NoTorque,
+            state: DriveState::NotReady,
+            counts: 0.0,
+            step: 0.0,
+            is_told: false,
+            has_rested: false,
+        })
+    }
+
+    /// Its state after the last exchange.
+    pub(crate) const fn state(&self) -> DriveState {
+        self.state
+    }
+
+    /// True while its target moves.
+    pub(crate) fn moves(&self) -> bool {
+        self.step != 0.0
+    }
+
+    /// True if its axis was brought to rest for want of a command.
+    pub(crate) const fn has_rested(&self) -> bool {
+        self.has_rested
+    }
+
+    /// Actual position in counts, and in the unit of the axis.
+    pub(crate) fn position(&self, image: &[u8]) -> (f64, f64) {
+        let counts = self.actual.read(image);
+        (counts, counts / self.counts_per_unit)
+    }
+
+    /// A command in counts, and the largest step in counts with which the axis may leave its place.
+    pub(crate) fn in_counts(&self, disp: f64) -> (f64, f64) {
+        (disp * self.counts_per_unit, self.brake.max(2.0))
+    }
+
+    /// Takes a command; true if it is beyond the type of the target. Real-time: yes.
+    pub(crate) fn aim(&mut self, disp: f64) -> bool {
+        let counts = disp * self.counts_per_unit;
+        let (low, high) = self.target.kind.range();
+        let limited = counts.clamp(low, high);
+        self.step = limited - self.counts;
+        self.counts = limited;
+        self.is_told = true;
+        counts != limited
+    }
+
+    pub(crate) const fn enable(&mut self) {
+        self.wanted = Wanted::Operation;
+    }
+
+    pub(crate) const fn quick_stop(&mut self) {
+        self.wanted = Wanted::QuickStop;
+    }
+
+    pub(crate) const fn disable(&mut self) {
+        self.wanted = Wanted::NoTorque;
+    }
+
+    /// True if it should have torque and follow its target.
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.wanted == Wanted::Operation
+    }
+
+    /// Writes its outputs before an exchange. Real-time: yes.
+    pub(crate) fn prepare(&mut self, image: &mut [u8]) {
+        let word = match self.wanted {
+            Wanted::NoTorque => words::DISABLE_VOLTAGE,
+            Wanted::Operation => words::towards_operation(self.state),
+            Wanted::QuickStop => words::QUICK_STOP,
+        };
+        self.control.write(f64::from(word), image);
+        let has_torque = matches!(
+            self.state,
+            DriveState::OperationEnabled | DriveState::QuickStopActive
+        );
+        if !has_torque {
+            (self.counts, self.step) = (self.actual.read(image), 0.0);
+        } else if !std::mem::take(&mut self.is_told) && self.moves() {
+            let slower = (self.step.abs() - self.brake).max(0.0);
+            self.step = slower.copysign(self.step);
+            if slower == 0.0 {
+                self.step = 0.0;
+            }
+            self.counts += self.step;
+            self.has_rested = true;
+        }
+        self.target.write(self.counts, image);
+    }
+
+    /// Reads its inputs after a valid exchange. Real-time: yes.
+    pub(crate) fn read(&mut self, image: &[u8]) {
+        self.state = DriveState::of(self.status.read(image) as u16);
+    }
+}

@@ -1,0 +1,552 @@
+//! The cycle: one exchange of process data a tick, and whether it was complete.
+//!
+//! A tick is valid if every reply came, if the working counter is the sum that the mapping gives, and if all devices read exactly the
+//! expected state. In any other tick the inputs are not taken: the last good values stand. Nothing here allocates after the bring-up.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use gusset_quantity::substructure::LinkStats;
+use gusset_quantity::time::Nanos;
+
+use crate::axis_drive::{Drive, Place};
+use crate::error::BusError;
+use crate::follow::{BusTime, Follower};
+use crate::line::{Line, LineFault};
+use crate::mapping::Entry;
+use crate::plan::{BusPlan, EntryPlace};
+use crate::request::{Requests, is_ours};
+use crate::wire::datagram::{Datagram, FrameWriter, LONGEST, Service, at, datagrams};
+use crate::wire::drive::DriveState;
+use crate::wire::register as reg;
+use crate::wire::register::AlState;
+
+/// How long a change of state and a drive may take.
+const PATIENCE_NS: u64 = 5_000_000_000;
+/// Of the period, how long a reply is awaited at most.
+const REPLY_SHARE: (u64, u64) = (3, 4);
+
+/// One device and its part of the image.
+#[derive(Debug)]
+pub(crate) struct Member {
+    pub name: String,
+    pub station: u16,
+    pub outputs: Range<usize>,
+    pub inputs: Range<usize>,
+}
+
+/// What the last exchange was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    /// Complete.
+    Valid,
+    /// No reply came.
+    Silent,
+    /// A device did not take part, or has another state.
+    Incomplete,
+    /// The line is down, or carries the frames of another master.
+    Broken,
+}
+
+/// A bus in SAFE-OP or OP.
+pub struct Bus {
+    line: Box<dyn Line>,
+    plan: BusPlan,
+    source: [u8; 6],
+    members: Vec<Member>,
+    is_simulated: bool,
+    /// Station with the reference clock.
+    reference: Option<u16>,
+    follower: Option<Follower>,
+    /// Outputs of all devices, then inputs.
+    image: Vec<u8>,
+    drives: Vec<Drive>,
+    out: Vec<u8>,
+    back: Vec<u8>,
+    tally: Tally,
+}
+
+/// What is known of the exchanges.
+#[derive(Debug)]
+struct Tally {
+    index: u8,
+    /// When the last frame left.
+    sent: Nanos,
+    outcome: Outcome,
+    /// State that all devices are to have, and the bits that they have.
+    wanted: AlState,
+    states: u8,
+    /// Ticks in a row that were not valid.
+    stale: u32,
+    /// Device whose state is read in this exchange, from 0, and the first one that had another state or an error.
+    asked: usize,
+    culprit: Option<(usize, u8, u16)>,
+    line_fault: Option<LineFault>,
+    stats: LinkStats,
+}
+
+impl std::fmt::Debug for Bus {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bus")
+            .field("members", &self.members)
+            .field("tally", &self.tally)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Bus {
+    pub(crate) fn new(
+        line: Box<dyn Line>,
+        plan: BusPlan,
+        source: [u8; 6],
+        (members, reference, is_simulated): (Vec<Member>, Option<u16>, bool),
+    ) -> Result<Self, BusError> {
+        let length = members
+            .iter()
+            .map(|one| one.outputs.len() + one.inputs.len());
+        let period_s = plan.period_ns as f64 * 1e-9;
+        let each = plan.devices.iter().zip(&members).enumerate();
+        let drives = each.filter_map(|(index, (device, member))| {
+            let drive = device.drive.as_ref()?;
+            let starts = [member.outputs.start, member.inputs.start];
+            Some(Drive::new((index, device, drive), starts, period_s))
+        });
+        Ok(Self {
+            image: vec![0; length.sum()],
+            drives: drives.collect::<Result<_, _>>()?,
+            tally: Tally {
+                index: 0,
+                sent: line.now(),
+                outcome: Outcome::Silent,
+                wanted: AlState::SafeOp,
+                states: 0,
+                stale: 0,
+                asked: 0,
+                culprit: None,
+                line_fault: None,
+                stats: LinkStats::default(),
+            },
+            line,
+            plan,
+            source,
+            members,
+            is_simulated,
+            reference,
+            follower: None,
+            out: vec![0; LONGEST],
+            back: vec![0; LONGEST],
+        })
+    }
+
+    /// From here on the offset of the bus clock is published there.
+    pub(crate) fn follow(&mut self, time: Arc<BusTime>) {
+        if self.reference.is_some() {
+            self.follower = Some(Follower::new(time, self.plan.period_ns));
+        }
+    }
+
+    /// True if the devices or the line say that nothing moves.
+    pub(crate) fn is_simulated(&self) -> bool {
+        self.is_simulated || self.line.is_simulated()
+    }
+
+    pub(crate) const fn plan(&self) -> &BusPlan {
+        &self.plan
+    }
+
+    pub(crate) const fn stats(&self) -> LinkStats {
+        self.tally.stats
+    }
+
+    /// When the last exchange began.
+    pub(crate) const fn sent(&self) -> Nanos {
+        self.tally.sent
+    }
+
+    pub(crate) fn now(&self) -> Nanos {
+        self.line.now()
+    }
+
+    pub(crate) fn wait_until(&mut self, at: Nanos) {
+        self.line.wait_until(at);
+    }
+
+    /// The place of an entry in the image: of an input, or of an output.
+    pub(crate) fn place(&self, at: EntryPlace, is_input: bool) -> Option<Place> {
+        let (device, member) = (
+            self.plan.devices.get(at.device)?,
+            self.members.get(at.device)?,
+        );
+        let (entries, start): (&[Entry], usize) = if is_input {
+            (&device.inputs, member.inputs.start)
+        } else {
+            (&device.outputs, member.outputs.start)
+        };
+        let before = entries.get(..at.entry)?;
+        let kind = entries.get(at.entry)?.kind;
+        let offset = start + before.iter().map(|entry| entry.kind.bytes()).sum::<usize>();
+        Some(Place { offset, kind })
+    }
+
+    /// The drive of a device, from 0, among all drives.
+    pub(crate) fn drive_of(&self, device: usize) -> Option<usize> {
+        self.drives.iter().position(|drive| drive.device == device)
+    }
+
+    pub(crate) fn drive(&mut self, index: usize) -> Option<(&mut Drive, &mut [u8])> {
+        let drive = self.drives.get_mut(index)?;
+        Some((drive, &mut self.image))
+    }
+
+    pub(crate) fn image(&mut self) -> &mut [u8] {
+        &mut self.image
+    }
+
+    fn outputs(&self) -> usize {
+        self.members.last().map_or(0, |member| member.outputs.end)
+    }
+
+    /// Sends the outputs of this tick. Real-time: yes.
+    pub(crate) fn send(&mut self) {
+        for drive in &mut self.drives {
+            drive.prepare(&mut self.image);
+        }
+        let tally = &mut self.tally;
+        tally.index = tally.index.wrapping_add(1);
+        tally.asked = (tally.asked + 1) % self.members.len().max(1);
+        tally.outcome = Outcome::Silent;
+        let asked = self.members.get(tally.asked).map_or(0, |one| one.station);
+        let mut writer = FrameWriter::new(&mut self.out, self.source);
+        let index = tally.index;
+        // The bring-up has made sure that all of it fits.
+        let _ = writer.add((Service::Lrw, index), 0, &self.image);
+        if let Some(reference) = self.reference {
+            let _ = writer.reserve((Service::Frmw, index), at(reference, reg::DC_TIME), 8);
+        }
+        let _ = writer.reserve((Service::Brd, index), at(0, reg::AL_STATUS), 1);
+        let _ = writer.reserve((Service::Fprd, index), at(asked, reg::AL_STATUS), 6);
+        let length = writer.finish();
+        tally.sent = self.line.now();
+        if let Err(fault) = self.line.send(self.out.get(..length).unwrap_or_default()) {
+            tally.outcome = Outcome::Broken;
+            tally.line_fault = Some(fault);
+        }
+    }
+
+    /// Takes the reply to the last frame that this end sent, if it comes by the deadline. Real-time: yes.
+    fn reply(&mut self, deadline: Nanos) -> Option<usize> {
+        loop {
+            match self.line.receive(&mut self.back, deadline) {
+                Ok(Some(length)) => {
+                    let frame = self.back.get(..length).unwrap_or_default();
+                    if !is_ours(frame, self.source) {
+                        self.breaks(LineFault::Foreign);
+                        return None;
+                    }
+                    let first = datagrams(frame).ok().and_then(|mut all| all.next());
+                    match first {
+                        Some(Ok(first)) if first.index == self.tally.index => return Some(length),
+                        Some(Ok(_)) => self.tally.stats.late += 1,
+                        _ => self.tally.stats.corrupt += 1,
+                    }
+                }
+                Ok(None) => return None,
+                Err(fault) => {
+                    self.breaks(fault);
+                    return None;
+                }
+            }
+        }
+    }
+
+    fn breaks(&mut self, fault: LineFault) {
+        self.tally.outcome = Outcome::Broken;
+        self.tally.line_fault = Some(fault);
+    }
+
+    /// Until when a reply to the last frame is awaited.
+    fn reply_ends(&self) -> Nanos {
+        let (part, whole) = REPLY_SHARE;
+        self.tally.sent.plus(self.plan.period_ns * part / whole)
+    }
+
+    /// Takes the inputs of this tick; true if the exchange was complete. Real-time: yes.
+    pub(crate) fn receive(&mut self, deadline: Nanos) -> bool {
+        if self.tally.outcome != Outcome::Broken
+            && let Some(length) = self.reply(deadline)
+        {
+            self.judge(length);
+        }
+        let is_valid = self.tally.outcome == Outcome::Valid;
+        self.tally.stale = if is_valid {
+            0
+        } else {
+            self.tally.stale.saturating_add(1)
+        };
+        is_valid
+    }
+
+    /// Judges the reply of this length, and takes its inputs if it is valid. Real-time: yes.
+    fn judge(&mut self, length: usize) {
+        let frame = self.back.get(..length).unwrap_or_default();
+        let Ok(mut all) = datagrams(frame) else {
+            return;
+        };
+        let mut next = |service: Service| -> Option<Datagram> {
+            let one = all.next()?.ok()?;
+            (one.service == service as u8).then_some(one)
+        };
+        let image = next(Service::Lrw);
+        let time = match self.reference {
+            Some(_) => next(Service::Frmw),
+            None => None,
+        };
+        let (states, asked) = (next(Service::Brd), next(Service::Fprd));
+        let (Some(image), Some(states)) = (image, states) else {
+            self.tally.outcome = Outcome::Incomplete;
+            return;
+        };
+        let tally = &mut self.tally;
+        let status = states.bytes(frame).first().copied().unwrap_or_default();
+        tally.states = status;
+        let all_wanted = status == tally.wanted as u8
+            && usize::from(states.counter(frame)) == self.members.len();
+        if let Some(asked) = asked {
+            let own = asked
+                .bytes(frame)
+                .first_chunk::<6>()
+                .copied()
+                .unwrap_or_default();
+            let is_right = asked.counter(frame) == 1 && own[0] == tally.wanted as u8;
+            if !is_right && tally.culprit.is_none() {
+                let found = if asked.counter(frame) == 1 { own[0] } else { 0 };
+                tally.culprit = Some((tally.asked, found, u16::from_le_bytes([own[4], own[5]])));
+            }
+        }
+        let counter = self.members.iter().fold(0u16, |sum, member| {
+            sum + u16::from(!member.inputs.is_empty()) + 2 * u16::from(!member.outputs.is_empty())
+        });
+        if let (Some(time), Some(follower)) = (time, &mut self.follower)
+            && let Some(bytes) = time.bytes(frame).first_chunk()
+            && time.counter(frame) > 0
+        {
+            follower.read(u64::from_le_bytes(*bytes), tally.sent);
+        }
+        if !all_wanted || image.counter(frame) != counter {
+            tally.outcome = Outcome::Incomplete;
+            return;
+        }
+        tally.outcome = Outcome::Valid;
+        tally.culprit = None;
+        let start = self.members.last().map_or(0, |member| member.outputs.end);
+        self.take_inputs(image.data.start + start..image.data.end);
+    }
+
+    fn take_inputs(&mut self, range: Range<usize>) {
+        let start = self.outputs();
+        let from = self.back.get(range).unwrap_or_default();
+        let to = self.image.get_mut(start..).unwrap_or_default();
+        if from.len() == to.len() {
+            to.copy_from_slice(from);
+        }
+        for drive in &mut self.drives {
+            drive.read(&self.image);
+        }
+    }
+
+    /// Reads the inputs once more; true if all devices answered. Real-time: yes.
+    pub(crate) fn sample(&mut self, deadline: Nanos) -> bool {
+        let start = self.outputs();
+        let length = self.image.len() - start;
+        self.tally.index = self.tally.index.wrapping_add(1);
+        let mut writer = FrameWriter::new(&mut self.out, self.source);
+        let _ = writer.reserve((Service::Lrd, self.tally.index), start as u32, length);
+        let bytes = writer.finish();
+        if let Err(fault) = self.line.send(self.out.get(..bytes).unwrap_or_default()) {
+            self.breaks(fault);
+            return false;
+        }
+        let with_inputs = self
+            .members
+            .iter()
+            .filter(|one| !one.inputs.is_empty())
+            .count();
+        let Some(bytes) = self.reply(deadline) else {
+            return self.misses_sample(Outcome::Silent);
+        };
+        let frame = self.back.get(..bytes).unwrap_or_default();
+        let first = datagrams(frame).ok().and_then(|mut all| all.next());
+        match first {
+            Some(Ok(one)) if usize::from(one.counter(frame)) == with_inputs => {
+                self.take_inputs(one.data);
+                true
+            }
+            _ => self.misses_sample(Outcome::Incomplete),
+        }
+    }
+
+    fn misses_sample(&mut self, outcome: Outcome) -> bool {
+        if self.tally.outcome != Outcome::Broken {
+            self.tally.outcome = outcome;
+        }
+        self.tally.stale = self.tally.stale.saturating_add(1);
+        false
+    }
+
+    /// One whole exchange beside the loop.
+    pub(crate) fn exchange(&mut self) -> bool {
+        self.send();
+        let deadline = self.reply_ends();
+        self.receive(deadline)
+    }
+
+    /// The next moment at which an exchange is due, on the clock of this machine: the bus clock has its phase there.
+    pub(crate) fn next_edge(&self) -> Nanos {
+        let period = self.plan.period_ns;
+        let Some(follower) = &self.follower else {
+            return self.tally.sent.plus(period);
+        };
+        let earliest = self.tally.sent.plus(period / 2);
+        let phase = earliest.0.wrapping_add_signed(follower.offset_ns()) % period;
+        earliest.plus(period - phase)
+    }
+
+    /// A moment of the loop's clock on the clock of this machine.
+    pub(crate) fn on_machine(&self, at: Nanos) -> Nanos {
+        let offset = self.follower.as_ref().map_or(0, Follower::offset_ns);
+        Nanos(at.0.wrapping_add_signed(offset.wrapping_neg()))
+    }
+
+    /// Exchanges at its edges until `is_done`; false if that takes too long, or is not `wanted` any more.
+    pub(crate) fn exchange_until(
+        &mut self,
+        mut is_done: impl FnMut(&mut Self) -> Result<bool, BusError>,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, BusError> {
+        let until = self.line.now().plus(PATIENCE_NS);
+        loop {
+            let edge = self.next_edge();
+            self.line.wait_until(edge);
+            self.exchange();
+            if is_done(self)? {
+                return Ok(true);
+            }
+            if !wanted() {
+                return Err(BusError::Unwanted);
+            }
+            if self.tally.outcome == Outcome::Broken || self.line.now() > until {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Brings all devices to a state while process data are exchanged.
+    pub(crate) fn go_to(
+        &mut self,
+        state: AlState,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BusError> {
+        let mut requests = Requests::new(self.line.as_mut(), self.source);
+        requests.write_all(reg::AL_CONTROL, &[state as u8, 0])?;
+        self.tally.wanted = state;
+        self.tally.culprit = None;
+        let refused = |bus: &mut Self| {
+            if bus.tally.states & reg::AL_ERROR != 0 {
+                return Err(bus.in_other_state());
+            }
+            Ok(bus.tally.outcome == Outcome::Valid)
+        };
+        if self.exchange_until(refused, wanted)? {
+            return Ok(());
+        }
+        Err(self.in_other_state())
+    }
+
+    /// Leaves the bus: INIT for all devices. Nothing is exchanged after that.
+    pub(crate) fn close(&mut self) {
+        let mut requests = Requests::new(self.line.as_mut(), self.source);
+        let _ = requests.write_all(reg::AL_CONTROL, &[AlState::Init as u8 | reg::AL_ERROR, 0]);
+    }
+
+    /// The first device that is not in the wanted state. Asks each of them.
+    fn in_other_state(&mut self) -> BusError {
+        let wanted = self.tally.wanted;
+        for member in &self.members {
+            let station = crate::request::Station::new(&member.name, member.station);
+            let mut requests = Requests::new(self.line.as_mut(), self.source);
+            match requests.state(&station) {
+                Ok((found, false, _)) if found == Some(wanted) => {}
+                Ok((found, _, code)) => {
+                    return BusError::State {
+                        device: member.name.clone(),
+                        wanted,
+                        found,
+                        code,
+                    };
+                }
+                Err(error) => return error,
+            }
+        }
+        self.stale_error()
+    }
+
+    fn stale_error(&self) -> BusError {
+        let what = match self.tally.outcome {
+            Outcome::Silent => "no reply came: look at the cable",
+            _ => "a device did not take part in the exchange (working counter)",
+        };
+        BusError::Stale {
+            ticks: self.tally.stale,
+            what: what.to_owned(),
+        }
+    }
+
+    /// Why the exchange is not valid, in words; none if it is.
+    pub(crate) fn complaint(&self) -> Option<BusError> {
+        if let Some(fault) = &self.tally.line_fault {
+            return Some(fault.clone().into());
+        }
+        if let Some((device, found, code)) = self.tally.culprit {
+            let device = self.members.get(device)?.name.clone();
+            return Some(match found {
+                0 => BusError::Silent {
+                    device,
+                    what: "its state was read",
+                },
+                found => BusError::State {
+                    device,
+                    wanted: self.tally.wanted,
+                    found: AlState::of(found),
+                    code,
+                },
+            });
+        }
+        (self.tally.stale > 0).then(|| self.stale_error())
+    }
+
+    /// Whether the line carries no frames, whether a device refuses or is gone, and how many ticks in a row were not valid.
+    pub(crate) const fn trouble(&self) -> (bool, bool, u32) {
+        let tally = &self.tally;
+        (
+            tally.line_fault.is_some(),
+            tally.culprit.is_some() && tally.stale > 0,
+            tally.stale,
+        )
+    }
+
+    /// True if no reply came at all in the last exchange.
+    pub(crate) fn is_silent(&self) -> bool {
+        self.tally.outcome == Outcome::Silent
+    }
+
+    /// True if all of these drives have torque.
+    pub(crate) fn have_torque(&self, drives: &[usize]) -> bool {
+        let mut all = drives.iter().filter_map(|index| self.drives.get(*index));
+        all.all(|drive| drive.state() == DriveState::OperationEnabled)
+    }
+
+    /// Name of a device, from 0.
+    pub(crate) fn name(&self, device: usize) -> &str {
+        self.members.get(device).map_or("", |member| &member.name)
+    }
+}

@@ -1,0 +1,146 @@
+//! Why a bus, or a device on it, cannot take part.
+
+use thiserror::Error;
+
+use crate::line::LineFault;
+use crate::wire::register::{AlState, cause};
+
+/// Why a bus cannot take part. Nothing has moved, unless the test had begun.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum BusError {
+    /// The line carries no frames.
+    #[error(transparent)]
+    Line(#[from] LineFault),
+    /// No device answers.
+    #[error("no device answers: look at the cable to the first device and at its power")]
+    NoDevice,
+    /// More or fewer devices than the test file has.
+    #[error("{found} devices answer, but the test file has {wanted}: `gusset bus scan` lists them")]
+    Count {
+        /// Devices that answer.
+        found: u16,
+        /// Devices of the test file.
+        wanted: usize,
+    },
+    /// Another device than the test file has.
+    #[error(
+        "device {position} (`{name}`) is vendor {:#x}, product {:#x}, revision {:#x}; the test file has vendor {:#x}, product {:#x}{}",
+        found[0], found[1], found[2], wanted.0, wanted.1, in_words(wanted.2)
+    )]
+    Identity {
+        /// Its position on the bus, from 1.
+        position: usize,
+        /// Its name in the test file.
+        name: String,
+        /// Vendor, product code and revision of the device.
+        found: [u32; 3],
+        /// Those of the test file.
+        wanted: (u32, u32, Option<u32>),
+    },
+    /// A device that answered before is silent.
+    #[error("device `{device}` does not answer ({what}): look at its cable and its power")]
+    Silent {
+        /// Its name.
+        device: String,
+        /// What was asked.
+        what: &'static str,
+    },
+    /// A device refuses a state, or has left it.
+    #[error(
+        "device `{device}` is in {} and not in {} (AL status code {code:#06x}): {}",
+        found.map_or("no known state", AlState::name), wanted.name(), cause(*code)
+    )]
+    State {
+        /// Its name.
+        device: String,
+        /// The state that it is to have.
+        wanted: AlState,
+        /// The state that it has.
+        found: Option<AlState>,
+        /// Its AL status code.
+        code: u16,
+    },
+    /// A device refuses an object.
+    #[error("device `{device}` refuses object {index:04x}:{sub:02x}: {why}")]
+    Object {
+        /// Its name.
+        device: String,
+        /// Index of the object.
+        index: u16,
+        /// Subindex.
+        sub: u8,
+        /// What it says.
+        why: String,
+    },
+    /// The process data of a device differ from the test file.
+    #[error(
+        "device `{device}`: its {direction} are {found}, but the test file has {wanted}: correct `{direction}`, or let `assign = true` \
+         write them"
+    )]
+    Mapping {
+        /// Its name.
+        device: String,
+        /// "outputs" or "inputs".
+        direction: &'static str,
+        /// The entries of the device.
+        found: String,
+        /// Those of the test file.
+        wanted: String,
+    },
+    /// A watchdog is not what was asked for.
+    #[error(
+        "device `{device}` has a watchdog of {found_us} µs, but {wanted_us} µs were written: it does not take `watchdog_s`"
+    )]
+    Watchdog {
+        /// Its name.
+        device: String,
+        /// As read back; 0: it never expires.
+        found_us: u64,
+        /// As written.
+        wanted_us: u64,
+    },
+    /// No device has a distributed clock.
+    #[error("no device has a distributed clock: use `clock = \"free\"`")]
+    NoClock,
+    /// A drive must not have torque.
+    #[error("drive `{device}`: {why}")]
+    Drive {
+        /// Its name.
+        device: String,
+        /// Why.
+        why: String,
+    },
+    /// An axis is not where its first command is.
+    #[error(
+        "drive `{device}` is at {found} counts, but the first command is at {wanted}: it moved since it was connected"
+    )]
+    Moved {
+        /// Its name.
+        device: String,
+        /// Its actual position.
+        found: f64,
+        /// The command.
+        wanted: f64,
+    },
+    /// The interlock is open.
+    #[error("the interlock is open: close it, then start again")]
+    Interlock,
+    /// No valid exchange for too long.
+    #[error("{ticks} successive exchanges were not complete: {what}")]
+    Stale {
+        /// Successive ticks.
+        ticks: u32,
+        /// What was missing.
+        what: String,
+    },
+    /// An axis that was brought to rest got a command.
+    #[error("no command came in time: the axis was brought to rest and takes no more commands")]
+    Rested,
+    /// The operator ended the test meanwhile.
+    #[error("it is not wanted any more")]
+    Unwanted,
+}
+
+fn in_words(revision: Option<u32>) -> String {
+    revision.map_or_else(String::new, |one| format!(", revision {one:#x}"))
+}
