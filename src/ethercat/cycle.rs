@@ -150,6 +150,11 @@ impl Bus {
         self.is_simulated || self.line.is_simulated()
     }
 
+    /// The state that all devices are to have.
+    pub(crate) const fn state(&self) -> AlState {
+        self.tally.wanted
+    }
+
     pub(crate) const fn plan(&self) -> &BusPlan {
         &self.plan
     }

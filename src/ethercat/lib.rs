@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`line`] | frames to the devices and back |
 //! | [`mapping`] | entries of process data: their text in a test file, their bytes in a frame |
+//! | [`simulated`] | devices without wires, with a specimen behind them |
 //! | [`plan`] | what a test file says about a bus: its devices, their process data, its clock |
 //!
 //! The codecs and the simulated devices know no socket, clock or thread. A [`plan::BusPlan`] comes from the test file; nothing here
@@ -20,9 +21,15 @@ mod follow;
 pub mod line;
 pub mod mapping;
 pub mod plan;
+mod port;
 mod request;
+mod shared;
+pub mod simulated;
 mod wire;
 
 pub use bring_up::{Found, bring_up, reset_faults, scan};
+pub use cycle::Bus;
 pub use error::BusError;
 pub use follow::{BusTime, FollowingClock};
+pub use port::BusPort;
+pub use shared::{Opener, SharedBus};

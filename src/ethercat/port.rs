@@ -1,0 +1,588 @@
+//! A specimen on a bus, as a [`Substructure`].
+//!
+//! `connect` brings the bus to SAFE-OP: sensors are live and outputs are off. `arm` brings it to OP, with the outputs at the standing
+//! command and drives at their actual position, and gives drives torque. `issue` and `collect` are on the path of a tick. Where a drive
+//! or an output holds the axis, `settle` says so: torque and outputs end in `retire`, when the operator has said that the axis is
+//! unloaded.
+
+use std::sync::Arc;
+
+use gusset_quantity::substructure::{
+    Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
+    Retirement, Status, Substructure, Unavailable,
+};
+use gusset_quantity::time::Nanos;
+
+use crate::axis_drive::Place;
+use crate::cycle::Bus;
+use crate::error::BusError;
+use crate::line::LineFault;
+use crate::plan::{Check, CommandPlan, Scaled, SpecimenPlan};
+use crate::shared::{Held, SharedBus, Stage};
+use crate::wire::drive::DriveState;
+use crate::wire::register::AlState;
+
+/// The remark of every test on devices that are not simulated.
+const UNTRIED: &str = "EtherCAT in Gusset was never tried on hardware: prove it without a specimen first (guide: ethercat)";
+
+/// A quantity in the image.
+#[derive(Debug, Clone, Copy)]
+struct Signal {
+    place: Place,
+    per_count: f64,
+    zero_count: f64,
+}
+
+impl Signal {
+    fn new(bus: &Bus, scaled: &Scaled, is_input: bool) -> Option<Self> {
+        Some(Self {
+            place: bus.place(scaled.at, is_input)?,
+            per_count: scaled.per_count,
+            zero_count: scaled.zero_count,
+        })
+    }
+
+    fn read(&self, image: &[u8]) -> f64 {
+        (self.place.read(image) - self.zero_count) * self.per_count
+    }
+
+    /// Writes a value; true if it is beyond the type.
+    fn write(&self, value: f64, image: &mut [u8]) -> bool {
+        let count = value / self.per_count + self.zero_count;
+        let (low, high) = self.place.kind.range();
+        let limited = count.clamp(low, high);
+        self.place.write(limited, image);
+        limited != count
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Mover {
+    Output(Signal),
+    /// Number among the drives of the bus.
+    Drive(usize),
+}
+
+/// Flags in the image.
+#[derive(Debug, Clone, Copy)]
+struct Flags {
+    place: Place,
+    mask: u32,
+    equals: u32,
+}
+
+impl Flags {
+    fn new(bus: &Bus, check: &Check) -> Option<Self> {
+        Some(Self {
+            place: bus.place(check.at, true)?,
+            mask: check.mask,
+            equals: check.equals,
+        })
+    }
+
+    fn are_right(&self, image: &[u8]) -> bool {
+        let count = self.place.read(image) as i64 as u32;
+        count & self.mask == self.equals
+    }
+}
+
+/// The places of a specimen in the image of its bus.
+#[derive(Debug)]
+struct Places {
+    movers: Vec<Mover>,
+    drives: Vec<usize>,
+    forces: Vec<Signal>,
+    disps: Vec<Option<Signal>>,
+    good: Vec<Flags>,
+    interlock: Vec<Flags>,
+}
+
+impl Places {
+    fn new(bus: &Bus, plan: &SpecimenPlan) -> Option<Self> {
+        let mut own = Self {
+            movers: Vec::new(),
+            drives: Vec::new(),
+            forces: Vec::new(),
+            disps: Vec::new(),
+            good: Vec::new(),
+            interlock: Vec::new(),
+        };
+        for axis in &plan.axes {
+            own.movers.push(match &axis.command {
+                CommandPlan::Output(scaled) => Mover::Output(Signal::new(bus, scaled, false)?),
+                CommandPlan::Drive(device) => {
+                    let drive = bus.drive_of(*device)?;
+                    own.drives.push(drive);
+                    Mover::Drive(drive)
+                }
+            });
+            own.forces.push(Signal::new(bus, &axis.force, true)?);
+            own.disps.push(match &axis.disp {
+                Some(disp) => Some(Signal::new(bus, disp, true)?),
+                None => None,
+            });
+            for check in &axis.good {
+                own.good.push(Flags::new(bus, check)?);
+            }
+        }
+        for check in &plan.interlock {
+            own.interlock.push(Flags::new(bus, check)?);
+        }
+        Some(own)
+    }
+
+    /// Displacement of an axis, if anything measures it.
+    fn disp(&self, axis: usize, bus: &mut Bus) -> Option<f64> {
+        match (self.disps.get(axis)?, self.movers.get(axis)?) {
+            (Some(signal), _) => Some(signal.read(bus.image())),
+            (None, Mover::Drive(drive)) => {
+                let (drive, image) = bus.drive(*drive)?;
+                Some(drive.position(image).1)
+            }
+            (None, Mover::Output(_)) => None,
+        }
+    }
+
+    fn all_right(flags: &[Flags], bus: &mut Bus) -> bool {
+        flags.iter().all(|flags| flags.are_right(bus.image()))
+    }
+}
+
+/// A specimen on a bus.
+#[derive(Debug)]
+pub struct BusPort {
+    shared: Arc<SharedBus>,
+    plan: SpecimenPlan,
+    places: Option<Places>,
+    is_armed: bool,
+    is_simulated: bool,
+    is_saturated: bool,
+    /// Command that the newest inputs answer, and the last one.
+    answered: u64,
+    issued: u64,
+    /// The last command of each axis.
+    disp: Vec<f64>,
+    complaint: Option<String>,
+    stats: LinkStats,
+}
+
+impl BusPort {
+    /// A specimen with these axes on a bus, which is not connected yet.
+    #[must_use]
+    pub fn new(shared: Arc<SharedBus>, plan: SpecimenPlan) -> Self {
+        Self {
+            shared,
+            disp: vec![0.0; plan.axes.len()],
+            plan,
+            places: None,
+            is_armed: false,
+            is_simulated: false,
+            is_saturated: false,
+            answered: 0,
+            issued: 0,
+            complaint: None,
+            stats: LinkStats::default(),
+        }
+    }
+
+    fn complain(&mut self, error: &BusError) -> LinkFault {
+        self.complaint = Some(error.to_string());
+        fault_of(error)
+    }
+
+    /// Finds its places and where it stands.
+    fn introduce(&mut self, bus: &mut Bus) -> Result<Introduction, BusError> {
+        let unmapped = BusError::NoDevice;
+        let places = Places::new(bus, &self.plan).ok_or(unmapped)?;
+        let axes = self.plan.axes.len();
+        let all_drives = places.drives.len() == axes;
+        let standing = if all_drives {
+            (0..axes)
+                .filter_map(|axis| places.disp(axis, bus))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let repeats = (0..axes).any(|axis| places.disp(axis, bus).is_none());
+        let force = places
+            .forces
+            .iter()
+            .map(|force| force.read(bus.image()))
+            .collect();
+        self.is_simulated = bus.is_simulated();
+        let untried = (!self.is_simulated).then(|| UNTRIED.to_owned());
+        self.places = Some(places);
+        Ok(Introduction {
+            peer: format!(
+                "EtherCAT bus \"{}\" with {} devices{}",
+                bus.plan().name,
+                bus.plan().devices.len(),
+                if self.is_simulated {
+                    " (simulated)"
+                } else {
+                    ""
+                }
+            ),
+            standing,
+            force,
+            warnings: untried.into_iter().collect(),
+            simulated: self.is_simulated,
+            repeats_the_command: repeats,
+            ..Introduction::default()
+        })
+    }
+
+    /// Brings the bus to OP, and gives its drives torque.
+    fn arm_on(
+        &mut self,
+        bus: &mut Bus,
+        disp: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BusError> {
+        let places = self.places.as_ref().ok_or(BusError::NoDevice)?;
+        if !Places::all_right(&places.interlock, bus) {
+            return Err(BusError::Interlock);
+        }
+        if bus.state() != AlState::Op {
+            bus.go_to(AlState::Op, wanted)?;
+        }
+        for (mover, disp) in places.movers.iter().zip(disp) {
+            let Mover::Drive(drive) = mover else {
+                continue;
+            };
+            let Some((drive, image)) = bus.drive(*drive) else {
+                continue;
+            };
+            let (counts, tolerance) = drive.in_counts(*disp);
+            let (found, _) = drive.position(image);
+            let device = drive.device;
+            if (found - counts).abs() > tolerance {
+                return Err(BusError::Moved {
+                    device: bus.name(device).to_owned(),
+                    found,
+                    wanted: counts,
+                });
+            }
+            drive.enable();
+        }
+        let drives = &places.drives;
+        let enabled = |bus: &mut Bus| {
+            for index in drives {
+                if let Some((drive, _)) = bus.drive(*index)
+                    && drive.state().is_fault()
+                {
+                    let device = drive.device;
+                    drive.disable();
+                    return Err(BusError::Drive {
+                        device: bus.name(device).to_owned(),
+                        why: "it has a fault: remove its cause, then `gusset bus reset`".to_owned(),
+                    });
+                }
+            }
+            Ok(bus.have_torque(drives))
+        };
+        if bus.exchange_until(enabled, wanted)? {
+            return Ok(());
+        }
+        let mut without = drives.iter().copied();
+        let first = without.find(|index| !bus.have_torque(&[*index]));
+        let state = first.and_then(|index| Some(bus.drive(index)?.0));
+        Err(match state {
+            Some(drive) => {
+                let (device, state) = (drive.device, drive.state());
+                BusError::Drive {
+                    device: bus.name(device).to_owned(),
+                    why: format!("it stays in \"{}\" and gets no torque", state.name()),
+                }
+            }
+            None => bus.complaint().unwrap_or(BusError::NoDevice),
+        })
+    }
+
+    /// Receives the inputs of this tick, once for all specimens of the bus. Real-time: yes.
+    fn receive(&self, held: &mut Held, deadline: Nanos) -> bool {
+        if held.stage == Stage::Writing {
+            held.bus.send();
+            held.stage = Stage::Sent;
+        }
+        if held.stage == Stage::Sent {
+            let deadline = held.bus.on_machine(deadline);
+            let mut is_valid = held.bus.receive(deadline);
+            if let (true, Some(after)) = (is_valid, held.bus.plan().sample_after_ns) {
+                let at = held.bus.sent().plus(after);
+                held.bus.wait_until(at);
+                is_valid = held.bus.sample(deadline);
+            }
+            held.stage = Stage::Done(is_valid);
+        }
+        held.stage == Stage::Done(true)
+    }
+
+    /// Flags of this tick. Real-time: yes.
+    fn status(&self, bus: &mut Bus) -> Status {
+        let Some(places) = &self.places else {
+            return Status::default();
+        };
+        let mut status = Status::default();
+        let lost_torque = places.drives.iter().any(|index| {
+            bus.drive(*index).is_some_and(|(drive, _)| {
+                drive.is_wanted() && drive.state() != DriveState::OperationEnabled
+            })
+        });
+        if lost_torque || !Places::all_right(&places.interlock, bus) {
+            status.0 |= Status::INTERLOCK.0;
+        }
+        if self.is_saturated || !Places::all_right(&places.good, bus) {
+            status.0 |= Status::SATURATED.0;
+        }
+        status
+    }
+
+    /// Whether the bus is lost. Real-time: yes.
+    fn loss(bus: &Bus) -> Option<LinkFault> {
+        let (is_broken, is_refused, stale) = bus.trouble();
+        let is_late = stale >= bus.plan().stale_ticks;
+        if is_broken {
+            Some(LinkFault::Closed)
+        } else if is_late && is_refused {
+            Some(LinkFault::Refused)
+        } else {
+            is_late.then_some(LinkFault::Timeout)
+        }
+    }
+}
+
+const fn fault_of(error: &BusError) -> LinkFault {
+    match error {
+        BusError::Line(LineFault::Down | LineFault::Full) => LinkFault::Closed,
+        BusError::NoDevice | BusError::Silent { .. } | BusError::Stale { .. } => LinkFault::Timeout,
+        _ => LinkFault::Refused,
+    }
+}
+
+impl Substructure for BusPort {
+    fn axes(&self) -> usize {
+        self.plan.axes.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Sampled
+    }
+
+    fn is_remote(&self) -> bool {
+        true
+    }
+
+    fn holder(&self) -> Holder {
+        if self.is_armed {
+            Holder::ItsWatchdog
+        } else {
+            Holder::NeverArmed
+        }
+    }
+
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        let shared = Arc::clone(&self.shared);
+        let unavailable = |error: &BusError| Unavailable {
+            fault: fault_of(error),
+            text: format!("bus \"{}\": {error}", shared.plan().name),
+        };
+        shared.open().map_err(|error| unavailable(&error))?;
+        let Some(mut held) = shared.take() else {
+            return Err(unavailable(&BusError::NoDevice));
+        };
+        let introduction = self.introduce(&mut held.bus);
+        shared.put_back(held);
+        introduction.map_err(|error| unavailable(&error))
+    }
+
+    fn ask_to_arm(&mut self, _: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        let Some(mut held) = self.shared.take() else {
+            return Err(LinkFault::Closed);
+        };
+        let movers = self.places.iter().flat_map(|places| &places.movers);
+        for (mover, disp) in movers.zip(disp) {
+            if let Mover::Output(signal) = mover {
+                signal.write(*disp, held.bus.image());
+            }
+        }
+        self.disp.copy_from_slice(disp);
+        self.shared.put_back(held);
+        Ok(())
+    }
+
+    fn arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        if !self.is_armed {
+            self.ask_to_arm(sequence, disp)?;
+        }
+        let Some(mut held) = self.shared.take() else {
+            return Err(LinkFault::Closed);
+        };
+        let outcome = self.arm_on(&mut held.bus, disp, wanted);
+        self.shared.put_back(held);
+        self.shared.set_idle(true);
+        self.answered = sequence.saturating_sub(1);
+        match outcome {
+            Ok(()) => {
+                self.is_armed = true;
+                Ok(true)
+            }
+            Err(BusError::Unwanted) => Ok(false),
+            Err(error) => Err(self.complain(&error)),
+        }
+    }
+
+    fn stats(&self) -> LinkStats {
+        self.stats
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.complaint.clone()
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.shared.set_idle(false);
+        let Some(mut held) = self.shared.take() else {
+            return Err(LinkFault::Closed);
+        };
+        if let Stage::Done(_) = held.stage {
+            if self.shared.is_on_simulated_time() {
+                let edge = held.bus.next_edge();
+                held.bus.wait_until(edge);
+            }
+            (held.stage, held.written) = (Stage::Writing, 0);
+        }
+        let movers = self.places.iter().flat_map(|places| &places.movers);
+        let mut has_rested = false;
+        for (mover, disp) in movers.zip(command.disp) {
+            match mover {
+                Mover::Output(signal) => {
+                    self.is_saturated |= signal.write(*disp, held.bus.image());
+                }
+                Mover::Drive(drive) => {
+                    if let Some((drive, _)) = held.bus.drive(*drive) {
+                        has_rested |= drive.has_rested();
+                        if !drive.has_rested() {
+                            self.is_saturated |= drive.aim(*disp);
+                        }
+                    }
+                }
+            }
+        }
+        self.issued = command.sequence;
+        for (own, disp) in self.disp.iter_mut().zip(command.disp) {
+            *own = *disp;
+        }
+        held.written += 1;
+        if held.written == self.shared.specimens() - held.retired {
+            held.bus.send();
+            held.stage = Stage::Sent;
+        }
+        self.shared.put_back(held);
+        if has_rested {
+            return Err(self.complain(&BusError::Rested));
+        }
+        Ok(())
+    }
+
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let Some(mut held) = self.shared.take() else {
+            return Err(LinkFault::Closed);
+        };
+        let is_valid = self.receive(&mut held, deadline);
+        let loss = Self::loss(&held.bus);
+        self.stats = held.bus.stats();
+        if is_valid {
+            let before = self.issued.saturating_sub(1);
+            let same = held.bus.plan().sample_after_ns.is_some();
+            self.answered = if same { self.issued } else { before };
+        }
+        if let Some(places) = &self.places {
+            for (axis, (force, disp)) in into.force.iter_mut().zip(&mut into.disp).enumerate() {
+                if let Some(signal) = places.forces.get(axis) {
+                    *force = signal.read(held.bus.image());
+                }
+                let command = self.disp.get(axis).copied().unwrap_or_default();
+                *disp = places.disp(axis, &mut held.bus).unwrap_or(command);
+            }
+        }
+        into.sequence = self.answered;
+        into.status = self.status(&mut held.bus);
+        self.shared.put_back(held);
+        match loss {
+            Some(fault) => Err(fault),
+            None if is_valid => Ok(Freshness::Fresh),
+            None => Ok(Freshness::Stale),
+        }
+    }
+
+    fn clock_ppm(&self) -> f64 {
+        self.shared.time().ppm()
+    }
+
+    fn settle(&mut self, how: Retirement) -> bool {
+        let Some(mut held) = self.shared.take() else {
+            return false;
+        };
+        // Nothing is commanded any more: targets that move come to rest.
+        let drives = self
+            .places
+            .as_ref()
+            .map_or(&[][..], |places| &places.drives);
+        let rest = |bus: &mut Bus| {
+            let moves = |index: &usize| bus.drive(*index).is_some_and(|(drive, _)| drive.moves());
+            let drives: Vec<usize> = drives.iter().copied().filter(moves).collect();
+            Ok(drives.is_empty())
+        };
+        if let Some(error) = held.bus.complaint() {
+            self.complaint.get_or_insert_with(|| error.to_string());
+        }
+        let _ = held.bus.exchange_until(rest, &mut || true);
+        if matches!(how, Retirement::Tripped | Retirement::Abandoned) {
+            for index in drives {
+                if let Some((drive, _)) = held.bus.drive(*index)
+                    && drive.state() == DriveState::OperationEnabled
+                {
+                    drive.quick_stop();
+                }
+            }
+            held.bus.exchange();
+        }
+        self.shared.put_back(held);
+        self.shared.set_idle(true);
+        self.is_armed && !self.is_simulated
+    }
+
+    fn retire(&mut self, _: Retirement) {
+        let Some(mut held) = self.shared.take() else {
+            return;
+        };
+        let drives = self
+            .places
+            .as_ref()
+            .map_or(&[][..], |places| &places.drives);
+        for index in drives {
+            if let Some((drive, _)) = held.bus.drive(*index) {
+                drive.disable();
+            }
+        }
+        if !drives.is_empty() {
+            let off = |bus: &mut Bus| Ok(drives.iter().all(|index| !bus.have_torque(&[*index])));
+            let _ = held.bus.exchange_until(off, &mut || true);
+        }
+        held.retired += 1;
+        if held.retired < self.shared.specimens() {
+            self.shared.put_back(held);
+            return;
+        }
+        if held.bus.state() == AlState::Op {
+            let _ = held.bus.go_to(AlState::SafeOp, &mut || true);
+        }
+        self.shared.close(held);
+    }
+}

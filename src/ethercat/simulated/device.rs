@@ -1,0 +1,537 @@
+//! A simulated device: the registers of its ESC (ETG.1000.4), its states (ETG.1000.6), its mailbox and its process data.
+
+use super::dictionary::Dictionary;
+use super::servo::Servo;
+use crate::axis_drive::Place;
+use crate::bring_up::SIMULATED;
+use crate::mapping::{Entry, Kind};
+use crate::plan::{DevicePlan, TimeSource};
+use crate::wire::coe::Answer;
+use crate::wire::drive as words;
+use crate::wire::register as reg;
+use crate::wire::register::AlState;
+use crate::wire::sii::{Contents, Manager, Sii};
+
+/// Bytes of memory: registers and process data.
+const MEMORY: usize = 0x3000;
+/// Mailboxes and process data in the memory.
+const RECEIVE: (u16, u16) = (0x1000, 256);
+const SEND: (u16, u16) = (0x1100, 256);
+const OUTPUTS: u16 = 0x1200;
+const INPUTS: u16 = 0x2000;
+/// Way of a frame from device to device, in ns.
+const CABLE_NS: u64 = 100;
+/// What a frame does with a register.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Access {
+    Read,
+    Write,
+    Both,
+}
+
+/// One device.
+#[derive(Debug)]
+pub(super) struct Device {
+    pub plan: DevicePlan,
+    pub memory: Vec<u8>,
+    eeprom: Vec<u8>,
+    sii: Sii,
+    pub state: AlState,
+    /// A state that it refuses, with its code.
+    pub refuses: Option<(AlState, u16)>,
+    dictionary: Dictionary,
+    answers: Vec<Vec<u8>>,
+    count: u8,
+    pub servo: Option<Servo>,
+    time: TimeSource,
+    index: u64,
+    is_last: bool,
+    /// Deviation of its clock, in ppm.
+    pub ppm: f64,
+    /// When process data were last written.
+    written_ns: u64,
+    /// It left OP on its own: what its outputs became is still to be felt.
+    pub has_dropped: bool,
+}
+
+impl Device {
+    pub(super) fn new(
+        (index, is_last): (usize, bool),
+        plan: &DevicePlan,
+        time: TimeSource,
+        counts: f64,
+    ) -> Self {
+        let bytes = |entries: &[Entry]| entries.iter().map(|one| one.kind.bytes()).sum::<usize>();
+        let manager = |(start, length): (u16, u16), control, kind| Manager {
+            start,
+            length,
+            control,
+            kind,
+        };
+        let name = format!("{SIMULATED}{}", plan.name);
+        let sii = Sii {
+            vendor: plan.vendor,
+            code: plan.code,
+            revision: plan.revision.unwrap_or(1),
+            serial: index as u32 + 1,
+            receive: RECEIVE,
+            send: SEND,
+            coe: true,
+            name: name.clone(),
+            managers: vec![
+                manager(RECEIVE, 0x26, 1),
+                manager(SEND, 0x22, 2),
+                manager((OUTPUTS, bytes(&plan.outputs) as u16), 0x64, 3),
+                manager((INPUTS, bytes(&plan.inputs) as u16), 0x20, 4),
+            ],
+        };
+        let contents = Contents {
+            sii: &sii,
+            outputs: &plan.outputs,
+            inputs: &plan.inputs,
+        };
+        let identity = [sii.vendor, sii.code, sii.revision, sii.serial];
+        let mut device = Self {
+            memory: vec![0; MEMORY],
+            eeprom: contents.bytes(),
+            dictionary: Dictionary::new(plan, &name, identity),
+            state: AlState::Init,
+            refuses: None,
+            answers: Vec::new(),
+            count: 0,
+            servo: plan.drive.as_ref().map(|_| Servo::at(counts)),
+            time,
+            index: index as u64,
+            is_last,
+            ppm: 0.0,
+            written_ns: 0,
+            has_dropped: false,
+            sii,
+            plan: plan.clone(),
+        };
+        // Type, revision, build, memory units, sync managers, RAM in kB, ports and features of an ESC with a 64 bit clock.
+        device.put(0, &[0x11, 0, 2, 0, 8, 8, 8, 0x0f, 0x0c, 0]);
+        let last: [u8; 2] = [0x10, 0x56];
+        let between: [u8; 2] = [0x30, 0x5a];
+        device.put(reg::DL_STATUS, if is_last { &last } else { &between });
+        device.put(reg::AL_STATUS, &[1, 0]);
+        device.put(reg::WATCHDOG_DIVIDER, &2498u16.to_le_bytes());
+        device.put(0x0410, &1000u16.to_le_bytes());
+        device.put(reg::WATCHDOG_DATA, &1000u16.to_le_bytes());
+        device
+    }
+
+    fn put(&mut self, at: u16, bytes: &[u8]) {
+        let at = usize::from(at);
+        if let Some(place) = self.memory.get_mut(at..at + bytes.len()) {
+            place.copy_from_slice(bytes);
+        }
+    }
+
+    fn word(&self, at: u16) -> u16 {
+        let pair = self.memory.get(usize::from(at)..);
+        let pair = pair.and_then(|rest| rest.first_chunk());
+        pair.map_or(0, |pair| u16::from_le_bytes(*pair))
+    }
+
+    fn long(&self, at: u16) -> u64 {
+        let eight = self.memory.get(usize::from(at)..);
+        let eight = eight.and_then(|rest| rest.first_chunk());
+        eight.map_or(0, |eight| u64::from_le_bytes(*eight))
+    }
+
+    fn local_ns(&self, now_ns: u64) -> u64 {
+        let drifted = now_ns as f64 * 1e-6 * self.ppm;
+        now_ns
+            .wrapping_add_signed(drifted as i64)
+            .wrapping_add(self.index * 1_234_567_891)
+    }
+
+    pub(super) fn station(&self) -> u16 {
+        self.word(reg::STATION)
+    }
+
+    /// A datagram reads or writes registers or memory; true if it took part. `others` is the number of devices on the bus.
+    pub(super) fn access(
+        &mut self,
+        (access, register): (Access, u16),
+        data: &mut [u8],
+        combine: bool,
+        (now_ns, devices): (u64, u64),
+    ) -> bool {
+        let range = usize::from(register)..usize::from(register) + data.len();
+        if range.end > MEMORY || data.is_empty() {
+            return false;
+        }
+        let covers = |at: u16, length: u16| {
+            range.start <= usize::from(at) && range.end >= usize::from(at) + usize::from(length)
+        };
+        let touches = |at: u16| range.contains(&usize::from(at));
+        if access != Access::Write {
+            let system = self
+                .local_ns(now_ns)
+                .wrapping_add(self.long(reg::DC_OFFSET));
+            self.put(reg::DC_TIME, &system.to_le_bytes());
+        }
+        let (receives, sends) = (covers(RECEIVE.0, RECEIVE.1), covers(SEND.0, SEND.1));
+        if access != Access::Read && receives && self.mailbox_status(0) {
+            // The mailbox is full: the message is not taken.
+            return false;
+        }
+        if access != Access::Write && sends && !self.mailbox_status(1) {
+            return false;
+        }
+        let written: Option<Vec<u8>> = (access == Access::Both).then(|| data.to_vec());
+        if access != Access::Write {
+            let from = self.memory.get(range.clone()).unwrap_or_default();
+            for (to, from) in data.iter_mut().zip(from) {
+                *to = if combine { *to | from } else { *from };
+            }
+            if sends {
+                self.set_mailbox(1, false);
+                self.next_answer();
+            }
+        }
+        if access == Access::Read {
+            return true;
+        }
+        let written = written.as_deref().unwrap_or(data);
+        if register == reg::DC_TIME {
+            let eight = written.first_chunk().copied().map(u64::from_le_bytes);
+            if let Some(time) = eight {
+                let offset = time.wrapping_sub(self.local_ns(now_ns));
+                self.put(reg::DC_OFFSET, &offset.to_le_bytes());
+            }
+            return true;
+        }
+        let is_status =
+            (0x0110..0x0112).contains(&register) || (0x0130..0x0136).contains(&register);
+        if !is_status {
+            let copy = written.len();
+            if let Some(place) = self.memory.get_mut(range.start..range.start + copy) {
+                place.copy_from_slice(written);
+            }
+        }
+        if touches(reg::AL_CONTROL) {
+            let control = self.memory.get(usize::from(reg::AL_CONTROL)).copied();
+            self.request(control.unwrap_or_default());
+        }
+        if touches(reg::SII_CONTROL) {
+            self.read_eeprom();
+        }
+        if register == reg::DC_RECEIVE {
+            self.latch(now_ns, devices);
+        }
+        if receives {
+            self.hear();
+        }
+        true
+    }
+
+    fn mailbox_status(&self, manager: u16) -> bool {
+        let at = reg::SYNC_MANAGER + manager * reg::SYNC_MANAGER_SIZE + reg::SYNC_MANAGER_STATUS;
+        let status = self.memory.get(usize::from(at));
+        status.is_some_and(|status| status & reg::MAILBOX_FULL != 0)
+    }
+
+    fn set_mailbox(&mut self, manager: u16, full: bool) {
+        let at = reg::SYNC_MANAGER + manager * reg::SYNC_MANAGER_SIZE + reg::SYNC_MANAGER_STATUS;
+        self.put(at, &[if full { reg::MAILBOX_FULL } else { 0 }]);
+    }
+
+    fn latch(&mut self, now_ns: u64, devices: u64) {
+        let arrival = now_ns + CABLE_NS * self.index;
+        let back = now_ns + CABLE_NS * (2 * (devices - 1) - self.index);
+        let (first, second) = (self.local_ns(arrival), self.local_ns(back));
+        self.put(reg::DC_RECEIVE, &(first as u32).to_le_bytes());
+        let second = if self.is_last { 0 } else { second as u32 };
+        self.put(reg::DC_RECEIVE + 4, &second.to_le_bytes());
+        self.put(reg::DC_RECEIVE + 8, &[0; 8]);
+        self.put(reg::DC_LOCAL_RECEIVE, &first.to_le_bytes());
+    }
+
+    fn read_eeprom(&mut self) {
+        const READ: u16 = 0x0100;
+        let control = self.word(reg::SII_CONTROL);
+        if control & 0x0700 == READ {
+            let at = 2 * usize::from(self.word(reg::SII_ADDRESS));
+            let mut four = [0xff; 4];
+            let from = self.eeprom.get(at..).unwrap_or_default();
+            for (to, from) in four.iter_mut().zip(from) {
+                *to = *from;
+            }
+            self.put(reg::SII_DATA, &four);
+        }
+        self.put(reg::SII_CONTROL, &[0, 0]);
+    }
+
+    /// The master asks for a state.
+    fn request(&mut self, control: u8) {
+        let has_error = self.word(reg::AL_STATUS) & u16::from(reg::AL_ERROR) != 0;
+        if has_error && control & reg::AL_ERROR == 0 {
+            return;
+        }
+        let Some(wanted) = AlState::of(control) else {
+            return self.show(self.state, 0x12);
+        };
+        let code = match self.refuses {
+            Some((refused, code)) if refused == wanted && wanted > self.state => code,
+            _ => self.refusal(wanted),
+        };
+        if code == 0 {
+            self.enter(wanted);
+        }
+        self.show(self.state, code);
+    }
+
+    fn show(&mut self, state: AlState, code: u16) {
+        let error = if code == 0 { 0 } else { reg::AL_ERROR };
+        self.put(reg::AL_STATUS, &[state as u8 | error, 0]);
+        self.put(reg::AL_CODE, &code.to_le_bytes());
+    }
+
+    /// Why it does not enter a state; 0 if it does.
+    fn refusal(&self, wanted: AlState) -> u16 {
+        use AlState as S;
+        let manager = |index: u16| {
+            let at = reg::SYNC_MANAGER + index * reg::SYNC_MANAGER_SIZE;
+            (self.word(at), self.word(at + 2))
+        };
+        if wanted <= self.state {
+            return 0;
+        }
+        match (self.state, wanted) {
+            (S::Init, S::PreOp) if [manager(0), manager(1)] != [RECEIVE, SEND] => 0x16,
+            (S::Init, S::PreOp) | (S::SafeOp, S::Op) => 0,
+            (S::PreOp, S::SafeOp) => {
+                let is_synced = self.word(reg::DC_ACTIVATION) & 0x0300 == 0x0300;
+                if usize::from(manager(2).1) != self.dictionary.mapped(0x1c12) {
+                    0x1d
+                } else if usize::from(manager(3).1) != self.dictionary.mapped(0x1c13) {
+                    0x1e
+                } else if self.servo.is_some() && self.time == TimeSource::Bus && !is_synced {
+                    0x30
+                } else {
+                    0
+                }
+            }
+            _ => 0x11,
+        }
+    }
+
+    fn enter(&mut self, wanted: AlState) {
+        if self.state == AlState::Op && wanted < AlState::Op {
+            self.drop_outputs();
+        }
+        if wanted == AlState::Init {
+            self.answers.clear();
+            self.set_mailbox(0, false);
+            self.set_mailbox(1, false);
+        }
+        self.state = wanted;
+    }
+
+    /// It falls to SAFE-OP on its own.
+    pub(super) fn fall(&mut self, code: u16) {
+        if self.state == AlState::Op {
+            self.drop_outputs();
+            self.state = AlState::SafeOp;
+        }
+        self.show(self.state, code);
+    }
+
+    /// Outputs become zero, unless a setting keeps the last value; a drive stops.
+    fn drop_outputs(&mut self) {
+        if let Some(servo) = &mut self.servo {
+            if servo.state == words::DriveState::OperationEnabled {
+                servo.fail(0x8700);
+            }
+        } else if self.plan.setup.is_empty() {
+            let length = self.length(&self.plan.outputs);
+            let at = usize::from(OUTPUTS);
+            if let Some(place) = self.memory.get_mut(at..at + length) {
+                place.fill(0);
+            }
+        }
+        self.has_dropped = true;
+    }
+
+    fn length(&self, entries: &[Entry]) -> usize {
+        entries.iter().map(|entry| entry.kind.bytes()).sum()
+    }
+
+    /// The watchdog of its process data.
+    pub(super) fn watch(&mut self, now_ns: u64) {
+        let unit = (u64::from(self.word(reg::WATCHDOG_DIVIDER)) + 2) * 40;
+        let limit = unit * u64::from(self.word(reg::WATCHDOG_DATA));
+        let is_due = now_ns.saturating_sub(self.written_ns) > limit;
+        if self.state == AlState::Op && !self.plan.outputs.is_empty() && limit > 0 && is_due {
+            self.fall(0x1b);
+        }
+    }
+
+    /// Takes the message that fills its mailbox.
+    fn hear(&mut self) {
+        if self.state == AlState::Init {
+            return;
+        }
+        let start = usize::from(RECEIVE.0);
+        let message = self.memory.get(start..start + usize::from(RECEIVE.1));
+        let message = message.unwrap_or_default().to_vec();
+        self.count = self.count % 7 + 1;
+        let maps = self.state == AlState::PreOp;
+        let count = self.count;
+        if let Some(servo) = &self.servo {
+            self.dictionary
+                .set(words::STATUSWORD, &servo.status().to_le_bytes());
+            self.dictionary
+                .set(words::ERROR_CODE, &servo.error.to_le_bytes());
+        }
+        if let Some(answer) = self.dictionary.answer(&message, count, maps) {
+            self.answers.push(answer);
+            self.next_answer();
+        }
+        if let (Some(servo), Some(word)) = (
+            &mut self.servo,
+            self.dictionary.get(words::CONTROLWORD, 0).first_chunk(),
+        ) && self.state != AlState::Op
+        {
+            servo.reset(u16::from_le_bytes(*word));
+        }
+    }
+
+    fn next_answer(&mut self) {
+        if !self.mailbox_status(1) && !self.answers.is_empty() {
+            let answer = self.answers.remove(0);
+            let mut whole = answer;
+            whole.resize(usize::from(SEND.1), 0);
+            self.put(SEND.0, &whole);
+            self.set_mailbox(1, true);
+        }
+    }
+
+    /// Reports an emergency by its mailbox.
+    pub(super) fn report(&mut self, code: u16) {
+        self.count = self.count % 7 + 1;
+        let mut out = vec![0; usize::from(SEND.1)];
+        if Answer::Emergency(code)
+            .write(self.count, &mut out)
+            .is_some()
+        {
+            self.answers.push(out);
+            self.next_answer();
+        }
+    }
+
+    /// A logical datagram: what its memory units map is read and written. Returns the working counter.
+    pub(super) fn exchange(
+        &mut self,
+        (logical, reads, writes): (u32, bool, bool),
+        data: &mut [u8],
+        now_ns: u64,
+    ) -> u16 {
+        if self.state < AlState::SafeOp {
+            return 0;
+        }
+        let mut counter = 0;
+        for unit in 0..8 {
+            let at = reg::FMMU + unit * reg::FMMU_SIZE;
+            let [kind, active] = self.word(at + 11).to_le_bytes();
+            if active & 1 == 0 {
+                continue;
+            }
+            let start = u32::from(self.word(at)) | u32::from(self.word(at + 2)) << 16;
+            let length = usize::from(self.word(at + 4));
+            let physical = usize::from(self.word(at + 8));
+            let Some(first) = start.checked_sub(logical).map(|first| first as usize) else {
+                continue;
+            };
+            let Some(part) = data.get_mut(first..first + length) else {
+                continue;
+            };
+            let Some(own) = self.memory.get_mut(physical..physical + length) else {
+                continue;
+            };
+            if kind & 2 != 0 && writes {
+                own.copy_from_slice(part);
+                self.written_ns = now_ns;
+                counter += if reads { 2 } else { 1 };
+            } else if kind & 1 != 0 && reads {
+                part.copy_from_slice(own);
+                counter += 1;
+            }
+        }
+        counter
+    }
+
+    /// Place of an entry in its memory.
+    pub(super) fn place(&self, entry: usize, is_input: bool) -> Option<Place> {
+        let (entries, start) = if is_input {
+            (&self.plan.inputs, INPUTS)
+        } else {
+            (&self.plan.outputs, OUTPUTS)
+        };
+        let before = entries.get(..entry)?;
+        let offset = usize::from(start) + self.length(before);
+        let kind = entries.get(entry)?.kind;
+        Some(Place { offset, kind })
+    }
+
+    fn object(&self, index: u16, is_input: bool) -> Option<Place> {
+        let entries = if is_input {
+            &self.plan.inputs
+        } else {
+            &self.plan.outputs
+        };
+        let entry = entries.iter().position(|entry| entry.index == index)?;
+        self.place(entry, is_input)
+    }
+
+    /// One tick of its drive, with the outputs that it has.
+    pub(super) fn drive(&mut self) {
+        let option = self.dictionary.get(words::QUICK_STOP_OPTION, 0);
+        let keeps_torque = option.first().is_some_and(|option| *option >= 5);
+        let read = |place: Option<Place>| place.map_or(0.0, |place| place.read(&self.memory));
+        let control = read(self.object(words::CONTROLWORD, false)) as u16;
+        let target = read(self.object(words::TARGET_POSITION, false));
+        if let Some(servo) = &mut self.servo {
+            servo.go_on(control, target, keeps_torque);
+        }
+    }
+
+    /// Writes the inputs of its drive, whose axis is at `counts`.
+    pub(super) fn show_drive(&mut self, counts: f64) {
+        let Some(servo) = &self.servo else {
+            return;
+        };
+        let mode = f64::from(words::CYCLIC_POSITION);
+        for (index, value) in [
+            (words::STATUSWORD, f64::from(servo.status())),
+            (words::ACTUAL_POSITION, counts),
+            (words::ERROR_CODE, f64::from(servo.error)),
+            (words::MODE_DISPLAY, mode),
+        ] {
+            if let Some(place) = self.object(index, true) {
+                place.write(value, &mut self.memory);
+            }
+        }
+    }
+
+    /// Reads flags of an input, and writes them.
+    pub(super) fn set_flags(&mut self, entry: usize, value: u32) {
+        if let Some(place) = self.place(entry, true) {
+            let value = if matches!(place.kind, Kind::I8 | Kind::I16 | Kind::I32) {
+                f64::from(value as i32)
+            } else {
+                f64::from(value)
+            };
+            place.write(value, &mut self.memory);
+        }
+    }
+
+    /// Name of its EEPROM.
+    #[cfg(test)]
+    pub(super) fn sii(&self) -> &Sii {
+        &self.sii
+    }
+}

@@ -1,0 +1,491 @@
+//! The master against the simulated devices: two halves that follow the same standard.
+
+use std::sync::{Arc, Mutex};
+
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::{
+    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset_quantity::time::{Nanos, SimClock};
+
+use super::*;
+use crate::error::BusError;
+use crate::plan::{
+    AxisPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
+};
+use crate::wire::register::AlState;
+use crate::{Bus, bring_up, reset_faults, scan};
+
+pub(crate) const PERIOD_NS: u64 = 1_000_000;
+const SOURCE: [u8; 6] = [0x10, 9, 9, 9, 9, 9];
+
+/// A spring of 1000 force units per unit.
+struct Spring(Vec<f64>, u64);
+
+impl Substructure for Spring {
+    fn axes(&self) -> usize {
+        self.0.len()
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.0.copy_from_slice(command.disp);
+        self.1 = command.sequence;
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp.copy_from_slice(&self.0);
+        for (force, disp) in into.force.iter_mut().zip(&self.0) {
+            *force = 1000.0 * disp;
+        }
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+    fn visit_state(&mut self, _: &mut dyn Visit) -> bool {
+        true
+    }
+}
+
+fn device(name: &str, code: u32, outputs: &[&str], inputs: &[&str]) -> DevicePlan {
+    let entries = |texts: &[&str]| texts.iter().map(|text| text.parse().unwrap()).collect();
+    DevicePlan {
+        name: name.to_owned(),
+        vendor: 2,
+        code,
+        revision: None,
+        outputs: entries(outputs),
+        inputs: entries(inputs),
+        assign: false,
+        setup: Vec::new(),
+        drive: None,
+    }
+}
+
+/// A coupler without process data, a load cell, an output of ±10 V that keeps its value, and a drive.
+pub(crate) fn plan() -> BusPlan {
+    let mut servo = device("servo", 3, &["7000:01 i16 command"], &[]);
+    servo.setup = vec!["8000:05 u8 2".parse().unwrap()];
+    let outputs = ["6040:00 u16", "607a:00 i32"];
+    let inputs = ["6041:00 u16", "6064:00 i32", "603f:00 u16"];
+    let mut drive = device("axis 1", 4, &outputs, &inputs);
+    drive.drive = Some(DrivePlan {
+        counts_per_unit: 1e6,
+        accel: 10.0,
+        following_counts: Some(2000.0),
+        accepts_free_stop: false,
+    });
+    let cell = [
+        "6000:01 u16 state",
+        "6000:11 f64 force",
+        "6010:11 f64 force 2",
+    ];
+    BusPlan {
+        name: "rig".to_owned(),
+        devices: vec![
+            device("coupler", 1, &[], &[]),
+            device("load cell", 2, &[], &cell),
+            servo,
+            drive,
+        ],
+        period_ns: PERIOD_NS,
+        time: TimeSource::Bus,
+        watchdog_ns: 100_000_000,
+        sample_after_ns: None,
+        stale_ticks: 3,
+    }
+}
+
+/// One specimen at the output, and one at the drive.
+pub(crate) fn specimens() -> Vec<SpecimenPlan> {
+    let at = |device, entry| EntryPlace { device, entry };
+    let scaled = |at, per_count| Scaled {
+        at,
+        per_count,
+        zero_count: 0.0,
+    };
+    let check = Check {
+        at: at(1, 0),
+        mask: 0x43,
+        equals: 0,
+    };
+    let axis = |command, force| AxisPlan {
+        command,
+        force,
+        disp: None,
+        good: vec![check],
+    };
+    let output = CommandPlan::Output(scaled(at(2, 0), 1e-5));
+    let one = |axis| SpecimenPlan {
+        axes: vec![axis],
+        interlock: Vec::new(),
+    };
+    vec![
+        one(axis(output, scaled(at(1, 1), 1.0))),
+        one(axis(CommandPlan::Drive(3), scaled(at(1, 2), 1.0))),
+    ]
+}
+
+fn plants() -> Vec<Plant> {
+    let plant = |specimen| Plant {
+        specimen,
+        law: Box::new(Spring(vec![0.0], 0)),
+        stands_at: vec![0.0],
+    };
+    specimens().into_iter().map(plant).collect()
+}
+
+type Shared = Arc<Mutex<SimulatedBus>>;
+
+pub(crate) fn simulated(plan: &BusPlan, faults: &str) -> (Shared, SimulatedLine) {
+    let faults = script(faults);
+    let bus = SimulatedBus::new(plan, plants(), faults).unwrap();
+    let bus = Arc::new(Mutex::new(bus));
+    let line = SimulatedLine::new(Arc::clone(&bus), Box::new(SimClock::new()));
+    (bus, line)
+}
+
+fn script(text: &str) -> Vec<Fault> {
+    #[derive(serde::Deserialize)]
+    struct Script {
+        #[serde(default)]
+        fault: Vec<Fault>,
+    }
+    let script: Script = toml::from_str(text).unwrap();
+    script.fault
+}
+
+fn up(faults: &str) -> Result<(Shared, Box<Bus>), BusError> {
+    let (shared, line) = simulated(&plan(), faults);
+    let bus = bring_up(Box::new(line), plan(), SOURCE)?;
+    Ok((shared, bus))
+}
+
+fn in_op(faults: &str) -> (Shared, Box<Bus>) {
+    let (shared, mut bus) = up(faults).unwrap();
+    bus.go_to(AlState::Op, &mut || true).unwrap();
+    (shared, bus)
+}
+
+/// Waits for the next edge and exchanges.
+fn tick(bus: &mut Bus) -> bool {
+    let edge = bus.next_edge();
+    bus.wait_until(edge);
+    bus.exchange()
+}
+
+#[test]
+fn a_bus_comes_to_op_and_carries_a_force() {
+    let (shared, mut bus) = in_op("");
+    let command = bus
+        .place(
+            EntryPlace {
+                device: 2,
+                entry: 0,
+            },
+            false,
+        )
+        .unwrap();
+    let force = bus
+        .place(
+            EntryPlace {
+                device: 1,
+                entry: 1,
+            },
+            true,
+        )
+        .unwrap();
+    command.write(250.0, bus.image());
+    assert!(tick(&mut bus));
+    // The exchange carries the inputs of the tick before.
+    assert_eq!(force.read(bus.image()), 0.0);
+    assert!(bus.sample(Nanos(u64::MAX)));
+    assert_eq!(force.read(bus.image()), 250.0 * 1e-5 * 1000.0);
+    assert_eq!(
+        shared.lock().unwrap().commands().next().unwrap(),
+        [250.0 * 1e-5]
+    );
+}
+
+#[test]
+fn a_scan_lists_what_is_there() {
+    let (_, mut line) = simulated(&plan(), "");
+    let found = scan(&mut line, SOURCE).unwrap();
+    assert_eq!(found.len(), 4);
+    assert_eq!(found[3].identity, [2, 4, 1]);
+    assert_eq!(found[1].state, Some(AlState::Init));
+    let inputs: Vec<String> = found[1].inputs.iter().map(ToString::to_string).collect();
+    assert_eq!(inputs, ["6000:01 u16", "6000:11 f64", "6010:11 f64"]);
+    assert_eq!(found[3].outputs.len(), 2);
+    assert!(found.iter().all(|one| one.remark.is_none()));
+}
+
+#[test]
+fn a_wrong_device_is_named() {
+    let (_, line) = simulated(&plan(), "");
+    let mut other = plan();
+    other.devices[1].code = 99;
+    let error = bring_up(Box::new(line), other, SOURCE).unwrap_err();
+    let BusError::Identity {
+        position,
+        found,
+        wanted,
+        ..
+    } = error
+    else {
+        panic!("{error}")
+    };
+    assert_eq!((position, found, wanted.1), (2, [2, 2, 1], 99));
+    let (_, line) = simulated(&plan(), "");
+    let mut other = plan();
+    other.devices.pop();
+    let error = bring_up(Box::new(line), other, SOURCE).unwrap_err();
+    assert_eq!(
+        error,
+        BusError::Count {
+            found: 4,
+            wanted: 3
+        }
+    );
+}
+
+#[test]
+fn another_mapping_is_refused_or_written() {
+    let mut other = plan();
+    other.devices[1].inputs.pop();
+    let (_, line) = simulated(&plan(), "");
+    let error = bring_up(Box::new(line), other.clone(), SOURCE).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            BusError::Mapping {
+                direction: "inputs",
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let mut assigning = plan();
+    assigning.devices[1].assign = true;
+    other.devices[1].assign = true;
+    let (_, line) = simulated(&assigning, "");
+    bring_up(Box::new(line), other, SOURCE).unwrap();
+}
+
+#[test]
+fn every_refusal_names_device_and_code() {
+    for (state, code, wanted) in [
+        ("PRE-OP", 0x16, AlState::PreOp),
+        ("SAFE-OP", 0x1d, AlState::SafeOp),
+        ("OP", 0x19, AlState::Op),
+    ] {
+        let faults = format!(
+            "[[fault]]\nwhat = {{ refuse_state = {{ device = \"servo\", state = \"{state}\", code = {code} }} }}"
+        );
+        let error = match up(&faults) {
+            Err(error) => error,
+            Ok((_, mut bus)) => bus.go_to(AlState::Op, &mut || true).unwrap_err(),
+        };
+        let BusError::State {
+            device,
+            wanted: asked,
+            code: found,
+            ..
+        } = error
+        else {
+            panic!("{error}")
+        };
+        assert_eq!((device.as_str(), asked, found), ("servo", wanted, code));
+    }
+}
+
+#[test]
+fn faults_in_op_make_the_exchange_stale() {
+    for (fault, is_stale) in [
+        ("what = \"drop\"", true),
+        ("what = { late = { micros = 900 } }", true),
+        ("what = { late = { micros = 100 } }", false),
+        ("what = \"duplicate\"", false),
+        ("what = { wkc = { device = \"load cell\" } }", true),
+        ("what = { cut = { device = \"load cell\" } }", true),
+        (
+            "what = { al_error = { device = \"servo\", code = 0x1b } }",
+            true,
+        ),
+        (
+            "what = { frozen_input = { device = \"load cell\" } }",
+            false,
+        ),
+        (
+            "what = { emergency = { device = \"axis 1\", code = 0x3220 } }",
+            false,
+        ),
+    ] {
+        let (_, mut bus) = in_op(&format!("[[fault]]\n{fault}\nat_tick = 10"));
+        let valid: Vec<bool> = (0..16).map(|_| tick(&mut bus)).collect();
+        assert_eq!(
+            valid.iter().any(|valid| !valid),
+            is_stale,
+            "{fault}: {valid:?}"
+        );
+        assert!(valid[..8].iter().all(|valid| *valid), "{fault}");
+    }
+}
+
+#[test]
+fn a_lost_state_is_found_with_its_code() {
+    let (_, mut bus) = in_op(
+        "[[fault]]\nwhat = { al_error = { device = \"load cell\", code = 0x1a } }\nat_tick = 5",
+    );
+    for _ in 0..20 {
+        tick(&mut bus);
+    }
+    let Some(BusError::State {
+        device,
+        found,
+        code,
+        ..
+    }) = bus.complaint()
+    else {
+        panic!("{:?}", bus.complaint())
+    };
+    assert_eq!(
+        (device.as_str(), found, code),
+        ("load cell", Some(AlState::SafeOp), 0x1a)
+    );
+}
+
+#[test]
+fn a_foreign_master_breaks_the_line() {
+    let (_, mut bus) = in_op("[[fault]]\nwhat = \"foreign\"\nat_tick = 5");
+    for _ in 0..8 {
+        tick(&mut bus);
+    }
+    assert_eq!(
+        bus.complaint(),
+        Some(BusError::Line(crate::line::LineFault::Foreign))
+    );
+}
+
+#[test]
+fn a_drive_gets_torque_and_comes_to_rest() {
+    let (shared, mut bus) = in_op("");
+    let drive = bus.drive_of(3).unwrap();
+    bus.drive(drive).unwrap().0.enable();
+    let enabled = |bus: &mut Bus| Ok(bus.have_torque(&[drive]));
+    assert!(bus.exchange_until(enabled, &mut || true).unwrap());
+    let position = |shared: &Shared| shared.lock().unwrap().commands().nth(1).unwrap()[0];
+    // 1 m/s for 20 ticks.
+    for k in 1..=20 {
+        bus.drive(drive).unwrap().0.aim(1e-3 * f64::from(k));
+        assert!(tick(&mut bus));
+    }
+    assert!((position(&shared) - 0.02).abs() < 1e-9);
+    let mut way = vec![position(&shared) - 1e-3, position(&shared)];
+    while bus.drive(drive).unwrap().0.moves() {
+        tick(&mut bus);
+        way.push(position(&shared));
+    }
+    tick(&mut bus);
+    way.push(position(&shared));
+    let most = way
+        .windows(3)
+        .map(|x| (x[2] - 2.0 * x[1] + x[0]).abs())
+        .fold(0.0, f64::max);
+    let limit = 10.0 * 1e-6;
+    assert!(most <= 1.2 * limit && most > 0.8 * limit, "{most}");
+    // v²/2a = 50 mm.
+    let rest = position(&shared);
+    assert!((rest - 0.07).abs() < 1e-3, "{rest}");
+    assert!(bus.drive(drive).unwrap().0.has_rested());
+}
+
+#[test]
+fn a_fault_of_a_drive_is_reset_on_request_only() {
+    let (shared, mut bus) = in_op(
+        "[[fault]]\nwhat = { drive_fault = { device = \"axis 1\", code = 0x3220 } }\nat_tick = 4",
+    );
+    let drive = bus.drive_of(3).unwrap();
+    bus.drive(drive).unwrap().0.enable();
+    for _ in 0..20 {
+        tick(&mut bus);
+    }
+    assert!(bus.drive(drive).unwrap().0.state().is_fault());
+    bus.close();
+    drop(bus);
+    let mut line = SimulatedLine::new(shared, Box::new(SimClock::new()));
+    assert_eq!(
+        reset_faults(&mut line, &plan(), SOURCE).unwrap(),
+        ["axis 1"]
+    );
+    assert!(reset_faults(&mut line, &plan(), SOURCE).unwrap().is_empty());
+}
+
+#[test]
+fn a_drive_that_would_lose_its_torque_is_refused() {
+    for (write, key) in [("605a:00 i16 2", "605A"), ("6065:00 u32 5000", "6065")] {
+        let mut plan = plan();
+        plan.devices[3].setup = vec![write.parse().unwrap()];
+        let (_, line) = simulated(&plan, "");
+        let error = bring_up(Box::new(line), plan, SOURCE).unwrap_err();
+        let BusError::Drive { device, why } = error else {
+            panic!("{error}")
+        };
+        assert!(device == "axis 1" && why.contains(key), "{why}");
+    }
+}
+
+#[test]
+fn the_watchdog_of_the_devices_acts() {
+    let (shared, mut bus) = in_op("");
+    let now = bus.now();
+    bus.wait_until(now.plus(99_000_000));
+    assert!(tick(&mut bus));
+    let now = bus.now();
+    bus.wait_until(now.plus(150_000_000));
+    assert!(!tick(&mut bus));
+    for _ in 0..8 {
+        tick(&mut bus);
+    }
+    assert!(matches!(
+        bus.complaint(),
+        Some(BusError::State { code: 0x1b, .. })
+    ));
+    // The output keeps its last value, and the drive stands.
+    assert_eq!(shared.lock().unwrap().commands().next().unwrap(), [0.0]);
+}
+
+#[test]
+fn an_exchange_allocates_nothing() {
+    let (_, mut bus) = in_op("");
+    tick(&mut bus);
+    let info = allocation_counter::measure(|| {
+        for _ in 0..100 {
+            tick(&mut bus);
+            bus.sample(Nanos(u64::MAX));
+        }
+    });
+    assert_eq!(info.count_total, 0);
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(300))]
+    #[test]
+    fn arbitrary_frames_never_panic(
+        mut bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..200),
+        service in 0u8..16,
+        register in 0u16..0x3000,
+    ) {
+        let (shared, _) = simulated(&plan(), "");
+        let mut bus = shared.lock().unwrap();
+        bus.process(&mut bytes, 0);
+        if bytes.len() > 40 {
+            let length = (bytes.len() - 28) as u16;
+            bytes[12..16].copy_from_slice(&[0x88, 0xa4, (length + 12) as u8, 0x10]);
+            bytes[16] = service;
+            bytes[18..20].fill(0);
+            bytes[20..22].copy_from_slice(&register.to_le_bytes());
+            bytes[22..24].copy_from_slice(&length.to_le_bytes());
+            for now in 0..3 {
+                bus.process(&mut bytes, now);
+            }
+        }
+    }
+}
