@@ -17,8 +17,8 @@ const MOST_HOPS: usize = 16;
 const OWN_MEANING: [&str; 1] = ["similitude"];
 /// Keys of one table of which a file usually has one.
 const EXCLUSIVE: [&[&str]; 3] = [
-    &["law", "laws", "coupled", "bearing", "link"],
-    &["transfer", "link"],
+    &["law", "laws", "coupled", "bearing", "link", "bus"],
+    &["transfer", "link", "bus"],
     &["shear_building", "matrices", "chain", "frame"],
 ];
 
@@ -125,7 +125,11 @@ impl Hints {
             let children: Vec<&Value> = nodes
                 .iter()
                 .filter_map(|node| match segment {
-                    Segment::Key(key) => node.get("properties").and_then(|keys| keys.get(key)),
+                    Segment::Key(key) => {
+                        let known = node.get("properties").and_then(|keys| keys.get(key));
+                        // Tables with names of the user.
+                        known.or_else(|| node.get("additionalProperties"))
+                    }
                     Segment::Index(_) => node.get("items"),
                 })
                 .collect();

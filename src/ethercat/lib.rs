@@ -10,5 +10,6 @@
 //!
 //! It follows ETG.1000 (data link and application layer) and ETG.6010 (drives). It was never tried on hardware.
 
-pub mod mapping;
 pub mod plan;
+
+pub use gusset_wire::process_data as mapping;
