@@ -303,11 +303,66 @@ pub struct BusCondition {
     pub equals: u32,
 }
 
+/// Direction of process data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// From the controller to the device.
+    Outputs,
+    /// From the device to the controller.
+    Inputs,
+}
+
+impl Flow {
+    /// The key of its list in a device.
+    pub(crate) const fn key(self) -> &'static str {
+        match self {
+            Self::Outputs => "outputs",
+            Self::Inputs => "inputs",
+        }
+    }
+
+    /// One entry of this direction, in words.
+    pub(crate) const fn kind(self) -> &'static str {
+        match self {
+            Self::Outputs => "output",
+            Self::Inputs => "input",
+        }
+    }
+
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Outputs => Self::Inputs,
+            Self::Inputs => Self::Outputs,
+        }
+    }
+}
+
+impl DeviceTable {
+    /// The process data of one direction.
+    #[must_use]
+    pub fn entries(&self, flow: Flow) -> &[Entry] {
+        match flow {
+            Flow::Outputs => &self.outputs,
+            Flow::Inputs => &self.inputs,
+        }
+    }
+}
+
 impl BusTable {
     /// The device with this name.
     #[must_use]
-    pub fn device(&self, name: &str) -> Option<&DeviceTable> {
+    pub(crate) fn device(&self, name: &str) -> Option<&DeviceTable> {
         self.device.iter().find(|device| device.name == name)
+    }
+
+    /// Number of the device and of its entry, from 0, that `at` names as "device.entry".
+    #[must_use]
+    pub fn place(&self, flow: Flow, at: &str) -> Option<(usize, usize)> {
+        let (name, entry) = at.split_once('.')?;
+        let device = self.device.iter().position(|device| device.name == name)?;
+        let mut entries = self.device.get(device)?.entries(flow).iter();
+        let entry = entries.position(|known| known.name.as_deref() == Some(entry))?;
+        Some((device, entry))
     }
 }
 

@@ -49,8 +49,9 @@ impl Hints {
             _ => None,
         };
         let brackets = self.brackets(&mistake, root);
+        let help = name_help(&mistake);
         let finding = Finding::from(mistake);
-        match (known, brackets, name_help(&path)) {
+        match (known, brackets, help) {
             (Some(known), ..) => finding.label(table_of(&known)),
             (_, Some(help), _) => finding.help(help),
             (_, _, Some(help)) => finding.help(help),
@@ -216,8 +217,15 @@ fn table_of(known: &KeyPath) -> String {
 }
 
 /// Help that only this name can have.
-fn name_help(path: &KeyPath) -> Option<&'static str> {
-    (path.to_string() == "integrator.method").then_some(
+fn name_help(mistake: &Mistake) -> Option<&'static str> {
+    let is_ethercat =
+        matches!(&mistake.kind, Kind::UnknownName { found, .. } if found == "ethercat");
+    if is_ethercat && mistake.path.last_key() == Some("protocol") {
+        return Some(
+            "an EtherCAT bus has the tables `[bus.NAME]` and `[specimen.bus]` in place of `[specimen.link]`",
+        );
+    }
+    (mistake.path.to_string() == "integrator.method").then_some(
         "with a specimen: `gui`, `kr_alpha` or `mkr_alpha`; the implicit `newmark_average` and `newmark_linear` iterate \
          within a step, and each iteration would move the specimen",
     )

@@ -77,7 +77,7 @@ pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
 use bus_table::OnBuses;
 pub use bus_table::{
     Acceptance, BusAxis, BusClock, BusCommand, BusCondition, BusDisp, BusDrive, BusForce,
-    BusSample, BusSpec, BusTable, DeviceTable, DriveProfile, ProductTable,
+    BusSample, BusSpec, BusTable, DeviceTable, DriveProfile, Flow, ProductTable,
 };
 pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{

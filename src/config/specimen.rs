@@ -197,7 +197,9 @@ impl SpecimenTable {
             (Some(link), ..) => {
                 let estimate = self.stiffness_n_per_m.as_ref();
                 let named = link.axis_names.as_ref().map_or(0, Vec::len);
-                estimate.map_or(0, |matrix| matrix.rows().len()).max(named)
+                let on_bus = self.bus.as_ref().map_or(0, |bus| bus.axis.len());
+                let estimated = estimate.map_or(0, |matrix| matrix.rows().len());
+                estimated.max(named).max(on_bus)
             }
             _ => 1,
         };
