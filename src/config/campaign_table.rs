@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::bus_table::OnBuses;
+use super::bus_spec::OnBuses;
 use super::certificate::UncertaintyTable;
 use gusset_motion::Unit;
 use gusset_motion::metrics::pair::PairMeasure;

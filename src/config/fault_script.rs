@@ -1,6 +1,6 @@
 //! A fault script: deliberate faults for a test of the controller or of a server.
 
-use super::bus_table::OnBuses;
+use super::bus_spec::OnBuses;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -22,6 +22,7 @@
 
 mod address;
 mod axis_table;
+mod bus_spec;
 mod bus_table;
 mod campaign;
 mod campaign_table;
@@ -74,11 +75,12 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 
 pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
-use bus_table::OnBuses;
-pub use bus_table::{
-    Acceptance, BusAxis, BusClock, BusCommand, BusCondition, BusDisp, BusDrive, BusForce,
-    BusSample, BusSpec, BusTable, DeviceTable, DriveProfile, Flow, ProductTable,
+use bus_spec::OnBuses;
+pub use bus_spec::{
+    BusAxis, BusCommand, BusCondition, BusDisp, BusDrive, BusForce, BusSample, BusSpec,
+    DriveProfile,
 };
+pub use bus_table::{Acceptance, BusClock, BusTable, DeviceTable, Flow, ProductTable};
 pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,

@@ -6,7 +6,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::bus_table::{OnBuses, link_specimens};
+use super::bus_spec::{OnBuses, link_specimens};
 use super::excitation::ExcitationTable;
 use super::schema::{IntegratorTable, StructureTable};
 use super::specimen::SpecimenTable;

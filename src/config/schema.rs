@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::bus_table::{BusTable, OnBuses, link_specimens};
+use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_table::BusTable;
 use super::certificate::{CertificateTable, UncertaintyTable};
 use super::excitation::ExcitationTable;
 use super::safety::SafetyTable;

@@ -6,7 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::{DispUnit, ForceUnit};
-use super::bus_table::{BusTable, OnBuses, link_specimens};
+use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_table::BusTable;
 use super::link_table::{Carrier, Offer};
 use super::openfresco_table::OpenFrescoServeSpec;
 use super::safety::SafetyTable;

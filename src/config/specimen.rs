@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
-use super::bus_table::{BusSpec, is_not_written};
+use super::bus_spec::{BusSpec, is_not_written};
 use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
 use super::link_table::{LinkSpec, Protocol};

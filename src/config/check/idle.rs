@@ -5,7 +5,7 @@
 
 use super::rules::Idle;
 use crate::axis_table::AxisTable;
-use crate::bus_table::{BusSample, BusSpec};
+use crate::bus_spec::{BusSample, BusSpec};
 use crate::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol, StaleChoice};
 use crate::safety::{ExitChoice, ZeroChoice};
 use crate::schema::{StructureTable, TestFile};

@@ -13,6 +13,7 @@ mod limits;
 mod link;
 pub mod measured;
 mod numbers;
+mod on_bus;
 mod pace;
 mod rules;
 mod safety;
