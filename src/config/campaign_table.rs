@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::bus_spec::OnBuses;
 use super::certificate::UncertaintyTable;
 use gusset_motion::Unit;
 use gusset_motion::metrics::pair::PairMeasure;
@@ -34,6 +35,8 @@ pub struct StudyFile {
     /// Measures in the table of results.
     pub measure: MeasureTable,
 }
+
+impl OnBuses for StudyFile {}
 
 /// Design, replicates and seed of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,5 +1,6 @@
 //! A fault script: deliberate faults for a test of the controller or of a server.
 
+use super::bus_spec::OnBuses;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +23,8 @@ pub struct Script {
     /// Expected result of a test with these faults. A server ignores it.
     pub expect: Option<Expect>,
 }
+
+impl OnBuses for Script {}
 
 /// One fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

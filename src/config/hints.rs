@@ -17,8 +17,8 @@ const MOST_HOPS: usize = 16;
 const OWN_MEANING: [&str; 1] = ["similitude"];
 /// Keys of one table of which a file usually has one.
 const EXCLUSIVE: [&[&str]; 3] = [
-    &["law", "laws", "coupled", "bearing", "link"],
-    &["transfer", "link"],
+    &["law", "laws", "coupled", "bearing", "link", "bus"],
+    &["transfer", "link", "bus"],
     &["shear_building", "matrices", "chain", "frame"],
 ];
 
@@ -49,8 +49,9 @@ impl Hints {
             _ => None,
         };
         let brackets = self.brackets(&mistake, root);
+        let help = name_help(&mistake);
         let finding = Finding::from(mistake);
-        match (known, brackets, name_help(&path)) {
+        match (known, brackets, help) {
             (Some(known), ..) => finding.label(table_of(&known)),
             (_, Some(help), _) => finding.help(help),
             (_, _, Some(help)) => finding.help(help),
@@ -125,7 +126,11 @@ impl Hints {
             let children: Vec<&Value> = nodes
                 .iter()
                 .filter_map(|node| match segment {
-                    Segment::Key(key) => node.get("properties").and_then(|keys| keys.get(key)),
+                    Segment::Key(key) => {
+                        let known = node.get("properties").and_then(|keys| keys.get(key));
+                        // Tables with names of the user.
+                        known.or_else(|| node.get("additionalProperties"))
+                    }
                     Segment::Index(_) => node.get("items"),
                 })
                 .collect();
@@ -212,8 +217,15 @@ fn table_of(known: &KeyPath) -> String {
 }
 
 /// Help that only this name can have.
-fn name_help(path: &KeyPath) -> Option<&'static str> {
-    (path.to_string() == "integrator.method").then_some(
+fn name_help(mistake: &Mistake) -> Option<&'static str> {
+    let is_ethercat =
+        matches!(&mistake.kind, Kind::UnknownName { found, .. } if found == "ethercat");
+    if is_ethercat && mistake.path.last_key() == Some("protocol") {
+        return Some(
+            "an EtherCAT bus has the tables `[bus.NAME]` and `[specimen.bus]` in place of `[specimen.link]`",
+        );
+    }
+    (mistake.path.to_string() == "integrator.method").then_some(
         "with a specimen: `gui`, `kr_alpha` or `mkr_alpha`; the implicit `newmark_average` and `newmark_linear` iterate \
          within a step, and each iteration would move the specimen",
     )

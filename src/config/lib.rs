@@ -22,6 +22,8 @@
 
 mod address;
 mod axis_table;
+mod bus_spec;
+mod bus_table;
 mod campaign;
 mod campaign_table;
 mod certificate;
@@ -73,6 +75,12 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 
 pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
+use bus_spec::OnBuses;
+pub use bus_spec::{
+    BusAxis, BusCommand, BusCondition, BusDisp, BusDrive, BusForce, BusSample, BusSpec,
+    DriveProfile,
+};
+pub use bus_table::{Acceptance, BusClock, BusTable, DeviceTable, Flow, ProductTable};
 pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
@@ -115,7 +123,7 @@ pub use schema::{
 pub use script::parse_script;
 pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};
 pub use serve_table::{BetweenTargets, Correction, PaceTable, PerAxis, ServeFile, ServeTable};
-pub use specimen::{DeformationTable, DrillTable, SimilitudeTable, SpecimenTable};
+pub use specimen::{DeformationTable, DrillTable, ForceOnly, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
@@ -287,7 +295,7 @@ impl Opened {
     }
 
     /// The file of this kind and the warnings about it, or everything that is wrong with it.
-    fn accept<T: serde::de::DeserializeOwned + JsonSchema>(
+    fn accept<T: serde::de::DeserializeOwned + JsonSchema + OnBuses>(
         &self,
         check: impl Fn(&T) -> Vec<Finding>,
     ) -> Result<(T, Vec<Finding>), ConfigError> {
@@ -397,11 +405,14 @@ fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
 }
 
 /// Everything that is wrong with the tree, and its value as far as there is one.
-fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
+fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema + OnBuses>(
     root: &document::Node,
     check: impl Fn(&T) -> Vec<Finding>,
 ) -> (Option<T>, Vec<Finding>) {
-    let reading = read::read::<T>(root);
+    let mut reading = read::read::<T>(root);
+    if let Some(file) = &mut reading.value {
+        file.link_specimens();
+    }
     // A table that lost an entry would raise complaints that only follow from it.
     let damaged: Vec<KeyPath> = reading
         .mistakes
@@ -543,5 +554,7 @@ fn remove_nulls(value: &mut serde_json::Value) {
     }
 }
 
+#[cfg(test)]
+mod bus_tests;
 #[cfg(test)]
 mod schema_tests;

@@ -116,6 +116,10 @@ pub enum Protocol {
     /// Protocol of `adapter`, `actuator` and `corotActuator` in OpenSees.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
+    /// EtherCAT bus of this computer. A test file has `[specimen.bus]` instead of this word.
+    #[serde(skip_deserializing)]
+    #[schemars(skip)]
+    Ethercat,
 }
 
 /// Interval of the commands to a specimen.
@@ -143,18 +147,20 @@ impl LinkSpec {
 
     /// True if the server of this specimen and a server at `address` need the same port.
     ///
-    /// A TCP port and a UDP port may have the same number. TLS uses TCP.
+    /// A TCP port and a UDP port may have the same number. TLS uses TCP. A bus has no port.
     #[must_use]
     pub fn needs_port(&self, address: &str, carrier: Carrier) -> bool {
-        self.transport.is_stream() == carrier.is_stream() && share_a_port(&self.address, address)
+        self.protocol != Protocol::Ethercat
+            && self.transport.is_stream() == carrier.is_stream()
+            && share_a_port(&self.address, address)
     }
 
-    /// The server at the other end of an OpenFresco protocol; none for the protocol of Gusset.
+    /// The server at the other end of an OpenFresco protocol; none for the protocol of Gusset and a bus.
     #[must_use]
     pub fn peer(&self) -> Option<Peer> {
         let server = self.openfresco.as_ref().map(|more| more.server);
         match (self.protocol, server.unwrap_or_default()) {
-            (Protocol::Gusset, _) => None,
+            (Protocol::Gusset | Protocol::Ethercat, _) => None,
             (Protocol::OpenFresco, ServerKind::Element) => Some(Peer::Element),
             (Protocol::OpenFresco, ServerKind::Site) => Some(Peer::Site),
             (Protocol::OpenFrescoShadow, _) => Some(Peer::Actor),
@@ -182,7 +188,7 @@ impl LinkSpec {
     }
 
     /// True if the specimen reports its position before the first command; none for the protocol of Gusset, in
-    /// which the server reports it.
+    /// which the server reports it, and for a bus.
     #[must_use]
     pub fn reports_position(&self, axes: usize) -> Option<bool> {
         let (_, answer) = self.signals(axes)?;
@@ -287,14 +293,14 @@ pub enum StaleChoice {
     Stop,
 }
 
-const fn five() -> f64 {
+pub(super) const fn five() -> f64 {
     5.0
 }
 
-const fn half() -> f64 {
+pub(super) const fn half() -> f64 {
     0.5
 }
 
-const fn sixty() -> f64 {
+pub(super) const fn sixty() -> f64 {
     60.0
 }

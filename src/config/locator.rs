@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::ConfigError;
 use super::diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Source};
-use super::document::{KeyPath, Node};
+use super::document::{Datum, KeyPath, Node, Segment};
 use super::echo::plain;
 use super::overrides::Override;
 
@@ -54,7 +54,7 @@ impl Locator {
 
     /// A text with the paths that the user wrote.
     fn as_written(&self, text: &str) -> String {
-        let mut text = plain(text);
+        let mut text = self.on_bus(plain(text));
         for (now, written) in &self.written {
             // A note on the old name has both.
             if !text.contains(written.as_str()) {
@@ -64,10 +64,70 @@ impl Locator {
         text
     }
 
+    /// A text that names keys of a link by their table `bus`, where the specimen is on a bus.
+    fn on_bus(&self, mut text: String) -> String {
+        let specimen = KeyPath::root().key("specimen");
+        let count = match self.root.find(&specimen).map(|node| &node.datum) {
+            Some(Datum::Array(all)) => all.len(),
+            _ => 0,
+        };
+        let tables = (0..count).map(|index| specimen.index(index).key("link"));
+        let (on_bus, others): (Vec<_>, Vec<_>) =
+            tables.partition(|link| self.of_bus(link).is_some());
+        for link in &on_bus {
+            // Keys with another place come first.
+            let keys = ["address", "watchdog_s", "max_stale"].map(|key| link.key(key));
+            for from in keys.iter().chain([link]) {
+                if let Some(to) = self.of_bus(from) {
+                    text = text.replace(&from.to_string(), &to.to_string());
+                }
+            }
+        }
+        if !on_bus.is_empty()
+            && !others.iter().any(|link| self.holds(link))
+            && !text.contains("[specimen.bus]")
+        {
+            text = text.replace("[specimen.link]", "[specimen.bus]");
+        }
+        text
+    }
+
+    /// The key of a specimen on a bus for a key of its link; none for another path, and for a specimen with a link of its own.
+    fn of_bus(&self, path: &KeyPath) -> Option<KeyPath> {
+        let [first, Segment::Index(index), link, keys @ ..] = path.segments() else {
+            return None;
+        };
+        let is =
+            |segment: &Segment, key: &str| matches!(segment, Segment::Key(name) if name == key);
+        let table = KeyPath::root().key("specimen").index(*index);
+        if !is(first, "specimen")
+            || !is(link, "link")
+            || self.holds(&table.key("link"))
+            || !self.holds(&table.key("bus"))
+        {
+            return None;
+        }
+        let own = table.key("bus");
+        let name = self.root.find(&own.key("bus")).map(|node| &node.datum);
+        let of_bus = |key: &str| match name {
+            Some(Datum::Text(name)) => KeyPath::root().key("bus").key(name).key(key),
+            _ => own.clone(),
+        };
+        Some(match keys {
+            [key] if is(key, "address") => own.key("bus"),
+            [key] if is(key, "watchdog_s") => of_bus("watchdog_s"),
+            [key] if is(key, "max_stale") => of_bus("stale_ticks"),
+            keys => own.segments().iter().chain(keys).cloned().collect(),
+        })
+    }
+
     /// The place of `path`: an argument of the command line if it overrides it, else the file; the nearest entry above
     /// it where it does not exist.
     #[must_use]
     pub fn locate(&self, path: &KeyPath, part: Part) -> Place {
+        if let Some(path) = self.of_bus(path) {
+            return self.locate(&path, part);
+        }
         let overriding = self.overrides.iter().rev();
         if let Some(place) = overriding.clone().find_map(|o| o.place_under(path, part)) {
             return place;

@@ -1,10 +1,12 @@
 //! `resolved.toml` of a recorded run as its report reads it: the tables of a test, or those of a file of `gusset serve`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::bus_spec::{OnBuses, link_specimens};
 use super::excitation::ExcitationTable;
 use super::schema::{IntegratorTable, StructureTable};
 use super::specimen::SpecimenTable;
@@ -28,6 +30,12 @@ pub struct RecordedFile {
     pub excitation: ExcitationTable,
     /// The specimens.
     pub specimen: Vec<SpecimenTable>,
+}
+
+impl OnBuses for RecordedFile {
+    fn link_specimens(&mut self) {
+        link_specimens(&BTreeMap::new(), &mut self.specimen);
+    }
 }
 
 impl RecordedFile {

@@ -3,9 +3,13 @@
 //! Plain data. [`super::check`] reports contradictions. The comments on the fields are the text of `gusset schema` and of
 //! the configuration reference, so they are written for users. Unknown keys are refused everywhere.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_table::BusTable;
 use super::certificate::{CertificateTable, UncertaintyTable};
 use super::excitation::ExcitationTable;
 use super::safety::SafetyTable;
@@ -42,6 +46,10 @@ pub struct TestFile {
     /// Specimens, one `[[specimen]]` table each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub specimen: Vec<SpecimenTable>,
+    /// EtherCAT buses of this computer, one `[bus.NAME]` table each. A test uses at most one. More:
+    /// guide, ethercat.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bus: BTreeMap<String, BusTable>,
     /// Startup, limits of the whole test, and the end position of the specimens.
     #[serde(default)]
     pub safety: SafetyTable,
@@ -57,6 +65,12 @@ pub struct TestFile {
     /// Uncertain values of this file. `gusset check --rehearse` draws new values for each trial.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncertainty: Vec<UncertaintyTable>,
+}
+
+impl OnBuses for TestFile {
+    fn link_specimens(&mut self) {
+        link_specimens(&self.bus, &mut self.specimen);
+    }
 }
 
 /// Numerical substructure. Give exactly one of `shear_building`, `matrices`, `chain` and `frame`.

@@ -186,6 +186,7 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         let file = ServeFile {
             title: test.title,
             specimen: test.specimen,
+            bus: test.bus,
             serve: ServeTable::default(),
             safety: (safety != SafetyTable::default()).then_some(safety),
             timing: None,

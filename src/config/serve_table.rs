@@ -1,9 +1,13 @@
 //! The file of `gusset serve`: specimens and how they are offered.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::{DispUnit, ForceUnit};
+use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_table::BusTable;
 use super::link_table::{Carrier, Offer};
 use super::openfresco_table::OpenFrescoServeSpec;
 use super::safety::SafetyTable;
@@ -22,6 +26,9 @@ pub struct ServeFile {
     /// Specimens, one table each. `gusset serve` serves one of them at a time.
     #[serde(default)]
     pub specimen: Vec<SpecimenTable>,
+    /// EtherCAT buses of this computer, for a gateway to a specimen on one of them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bus: BTreeMap<String, BusTable>,
     /// Address, protocol and access.
     #[serde(default)]
     pub serve: ServeTable,
@@ -32,6 +39,12 @@ pub struct ServeFile {
     pub timing: Option<TimingSpec>,
     /// Recording with `--out`. Only `queue_s` and `required` have an effect.
     pub record: Option<RecordTable>,
+}
+
+impl OnBuses for ServeFile {
+    fn link_specimens(&mut self) {
+        link_specimens(&self.bus, &mut self.specimen);
+    }
 }
 
 /// Address, protocol and access of `gusset serve`. Options of the command line override these keys.

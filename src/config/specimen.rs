@@ -1,12 +1,13 @@
-//! `[[specimen]]`: deformation, estimates, law or link, limits and capacity of a specimen.
+//! `[[specimen]]`: deformation, estimates, law, link or bus, limits and capacity of a specimen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
+use super::bus_spec::{BusSpec, is_not_written};
 use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
-use super::link_table::LinkSpec;
+use super::link_table::{LinkSpec, Protocol};
 use super::value::MatrixValue;
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
@@ -31,8 +32,8 @@ pub struct DeformationTable {
     pub from: Option<String>,
 }
 
-/// One specimen: simulated by exactly one of `law`, `laws`, `coupled` and `bearing`, or reached by a `link`. In a
-/// test with a structure, also give exactly one of `storey`, `rows` and `deformations`.
+/// One specimen: simulated by exactly one of `law`, `laws`, `coupled` and `bearing`, or reached by a `link` or
+/// a `bus`. In a test with a structure, also give exactly one of `storey`, `rows` and `deformations`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTable {
@@ -57,10 +58,10 @@ pub struct SpecimenTable {
     pub geometry: Option<GeometrySpec>,
     /// Estimate of the initial stiffness at the structure's scale: a number or a matrix. Too large
     /// a value costs accuracy, too small a value costs stability. Default: the initial stiffness of
-    /// the law. Required with `link`.
+    /// the law. Required with `link` or `bus`.
     pub stiffness_n_per_m: Option<MatrixValue>,
     /// Estimate of the initial damping at the structure's scale and the velocities of the test: a
-    /// number or a matrix. Default: the initial damping of the law; zero with `link`.
+    /// number or a matrix. Default: the initial damping of the law; zero with `link` or `bus`.
     pub damping_n_s_per_m: Option<MatrixValue>,
     /// If true, the stiffness K of a damping rule of a frame includes this specimen. The numerical side
     /// then resists its deformation with a viscous force, too. Only for a frame: the rules of other
@@ -68,7 +69,7 @@ pub struct SpecimenTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = true)]
     pub damped: Option<bool>,
-    /// Upper bound of the tangent stiffness of a specimen with `link`, divided by
+    /// Upper bound of the tangent stiffness of a specimen with `link` or `bus`, divided by
     /// `stiffness_n_per_m`. The proof of stability uses it. Default: 1, the specimen never becomes
     /// stiffer.
     #[schemars(example = 1.5)]
@@ -96,23 +97,23 @@ pub struct SpecimenTable {
     /// Limits of all axes. `limits` of a single `axis` override single levels.
     pub limits: Option<LimitsSpec>,
     /// Force law of a simulated specimen. All axes have the same law, and each axis has its own
-    /// state. Beside a `link`, it is the stand-in: a rehearsal uses it in place of the specimen, at
+    /// state. Beside a `link` or `bus`, it is the stand-in: a rehearsal uses it in place of the specimen, at
     /// the specimen's scale. Default of the stand-in: linear, with `stiffness_n_per_m` and
     /// `damping_n_s_per_m`.
     pub law: Option<LawSpec>,
     /// Force law of each axis of a simulated specimen. The axes are independent of each other.
-    /// Beside a `link`, it is the stand-in for rehearsals.
+    /// Beside a `link` or `bus`, it is the stand-in for rehearsals.
     #[schemars(example = serde_json::json!([{"linear": {"stiffness_n_per_m": 1.0e6}}, {"linear": {"stiffness_n_per_m": 5.0e5}}]))]
     pub laws: Option<Vec<LawSpec>>,
-    /// Linear law of a simulated specimen with several coupled axes. Beside a `link`, it is the
-    /// stand-in for rehearsals.
+    /// Linear law of a simulated specimen with several coupled axes. Beside a `link` or `bus`, it is
+    /// the stand-in for rehearsals.
     pub coupled: Option<CoupledSpec>,
     /// Simulated bearing in two horizontal directions that share one circle of yielding or sliding.
-    /// Beside a `link`, it is the stand-in for rehearsals.
+    /// Beside a `link` or `bus`, it is the stand-in for rehearsals.
     pub bearing: Option<BearingSpec>,
     /// Simulated actuator and sensors of a simulated specimen. Default: none, the specimen follows
-    /// its command at once. Beside a `link`, they are those of the stand-in for rehearsals. Their
-    /// default is then the delay, gain and noise of `identified`.
+    /// its command at once. Beside a `link` or `bus`, they are those of the stand-in for rehearsals.
+    /// Their default is then the delay, gain and noise of `identified`.
     pub transfer: Option<TransferSpec>,
     /// Compensation of the actuator dynamics. It computes the commands from the targets. Default:
     /// none, the command is the target. More: guide, actuators.
@@ -122,7 +123,10 @@ pub struct SpecimenTable {
     #[schemars(example = [0.0])]
     pub safe_disp_m: Option<Vec<f64>>,
     /// Network connection to a specimen that another program controls or computes.
+    #[serde(default, skip_serializing_if = "is_not_written")]
     pub link: Option<LinkSpec>,
+    /// Specimen on an EtherCAT bus of this computer. Use it instead of `link`.
+    pub bus: Option<BusSpec>,
     /// Fault injection: this simulated specimen fails on purpose. Use it to see how the test ends
     /// after an internal error. Rehearsals, replays and resumed tests ignore it. Default: none.
     pub drill: Option<DrillTable>,
@@ -141,6 +145,15 @@ pub struct DrillTable {
     /// `gusset run` exits with code 5.
     #[schemars(example = 5.0)]
     pub panic_at_s: f64,
+}
+
+/// The other end of a link that answers with forces only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForceOnly {
+    /// A server or client of OpenFresco's protocols.
+    Peer(Peer),
+    /// A bus without an input for the displacement of an axis.
+    Bus,
 }
 
 impl SpecimenTable {
@@ -184,7 +197,9 @@ impl SpecimenTable {
             (Some(link), ..) => {
                 let estimate = self.stiffness_n_per_m.as_ref();
                 let named = link.axis_names.as_ref().map_or(0, Vec::len);
-                estimate.map_or(0, |matrix| matrix.rows().len()).max(named)
+                let on_bus = self.bus.as_ref().map_or(0, |bus| bus.axis.len());
+                let estimated = estimate.map_or(0, |matrix| matrix.rows().len());
+                estimated.max(named).max(on_bus)
             }
             _ => 1,
         };
@@ -217,12 +232,17 @@ impl SpecimenTable {
             .collect()
     }
 
-    /// The server of its link, if that is known to answer with forces only, without a measured displacement.
+    /// The other end of its link, if that is known to answer with forces only, without a measured displacement.
     #[must_use]
-    pub fn force_only_link(&self) -> Option<Peer> {
+    pub fn force_only_link(&self) -> Option<ForceOnly> {
         let link = self.link.as_ref()?;
+        if link.protocol == Protocol::Ethercat {
+            let bus = self.bus.as_ref().filter(|bus| bus.is_force_only());
+            return bus.map(|_| ForceOnly::Bus);
+        }
         let (_, answer) = link.signals(self.axes())?;
-        link.peer().filter(|_| answer.disp == 0)
+        let peer = link.peer().filter(|_| answer.disp == 0);
+        peer.map(ForceOnly::Peer)
     }
 
     /// Number of axes of its laws and estimates: those of the specimen, or the coordinates of its platform.

@@ -4,10 +4,10 @@
 //! limit of acceleration; after that it takes no more commands. A fault is never reset here.
 
 use crate::error::BusError;
-use crate::mapping::{Entry, Kind};
 use crate::plan::{DevicePlan, DrivePlan};
 use crate::wire::drive as words;
 use crate::wire::drive::DriveState;
+use gusset_wire::process_data::{Entry, Kind};
 
 /// Place of a value in the image of a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

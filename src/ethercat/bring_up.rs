@@ -7,7 +7,6 @@ use crate::clocks;
 use crate::cycle::{Bus, Member};
 use crate::error::BusError;
 use crate::line::Line;
-use crate::mapping::{Entry, SetupWrite};
 use crate::plan::{BusPlan, DevicePlan, DrivePlan, TimeSource};
 use crate::request::{Requests, Station};
 use crate::wire::coe::Object;
@@ -16,6 +15,7 @@ use crate::wire::drive;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use crate::wire::sii::{Manager, Sii};
+use gusset_wire::process_data::{Entry, SetupWrite};
 
 /// Station address of the first device.
 const FIRST_STATION: u16 = 0x1001;

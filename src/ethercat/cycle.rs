@@ -13,13 +13,13 @@ use crate::axis_drive::{Drive, Place};
 use crate::error::BusError;
 use crate::follow::{BusTime, Follower};
 use crate::line::{Line, LineFault};
-use crate::mapping::Entry;
 use crate::plan::{BusPlan, EntryPlace};
 use crate::request::{Requests, is_ours};
 use crate::wire::datagram::{Datagram, FrameWriter, LONGEST, Service, at, datagrams};
 use crate::wire::drive::DriveState;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
+use gusset_wire::process_data::Entry;
 
 /// How long a change of state and a drive may take.
 const PATIENCE_NS: u64 = 5_000_000_000;

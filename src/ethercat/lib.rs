@@ -3,7 +3,6 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`line`] | frames to the devices and back |
-//! | [`mapping`] | entries of process data: their text in a test file, their bytes in a frame |
 //! | [`simulated`] | devices without wires, with a specimen behind them |
 //! | [`plan`] | what a test file says about a bus: its devices, their process data, its clock |
 //!
@@ -19,7 +18,6 @@ mod cycle;
 mod error;
 mod follow;
 pub mod line;
-pub mod mapping;
 pub mod plan;
 mod port;
 mod request;

@@ -1,6 +1,6 @@
 //! What a test file says about a bus: its devices, their process data and its clock.
 
-use crate::mapping::{Entry, SetupWrite};
+use gusset_wire::process_data::{Entry, SetupWrite};
 
 /// Who gives the time of the ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,6 +6,7 @@
 //! | [`handshake`] | our own control messages, which agree on everything before anything moves |
 //! | [`openfresco`] | the four dialects of OpenFresco and OpenSees, both roles |
 //! | [`key`] | pre-shared key, session key, keyed MAC |
+//! | [`process_data`] | entries of the process data of an EtherCAT device |
 //! | [`window`] | duplicates, replays and late datagrams |
 //!
 //! This member knows values and bytes, and the hinge. Begin reading with [`native`].
@@ -20,6 +21,7 @@ pub mod handshake;
 pub mod key;
 pub mod native;
 pub mod openfresco;
+pub mod process_data;
 pub mod window;
 
 use thiserror::Error;

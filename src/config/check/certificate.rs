@@ -151,6 +151,9 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     if last == "hardening_ratio" || (key(0) == "structure" && last.starts_with("reach_")) {
         return Some(of_proof);
     }
+    if key(0) == "bus" {
+        return Some(("trials use no bus", "vary a property of the specimen"));
+    }
     let Some(Segment::Index(index)) = segments.get(1) else {
         return None;
     };
@@ -174,7 +177,7 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
             "a capacity of the rig, with which trials are compared",
             "for an uncertain rig give the smallest capacity",
         )),
-        ("link", which) if which != "stands_at_m" => {
+        ("link" | "bus", which) if which != "stands_at_m" => {
             Some(("trials use no link", of_law))
         }
         ("drill", _) => Some(("trials have no fault injection", of_law)),

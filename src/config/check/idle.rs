@@ -5,6 +5,7 @@
 
 use super::rules::Idle;
 use crate::axis_table::AxisTable;
+use crate::bus_spec::{BusSample, BusSpec};
 use crate::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol, StaleChoice};
 use crate::safety::{ExitChoice, ZeroChoice};
 use crate::schema::{StructureTable, TestFile};
@@ -20,6 +21,7 @@ type OfSpecimen = fn(&SpecimenTable) -> bool;
 type InTest = fn(&SpecimenTable, &TestFile) -> bool;
 type OfAxis = fn(&AxisTable) -> bool;
 type OfLink = fn(&LinkSpec) -> bool;
+type OfBus = fn(&BusSpec) -> bool;
 
 fn no_structure(test: &TestFile) -> bool {
     test.structure.is_none()
@@ -278,6 +280,19 @@ pub(super) const IDLE_LINK: &[Idle<OfLink>] = &[
         "openfresco.server",
         |link| link.protocol != Protocol::OpenFresco,
         "only for `protocol = \"openfresco\"`",
+    ),
+];
+
+pub(super) const IDLE_BUS: &[Idle<OfBus>] = &[
+    (
+        "sample_after",
+        |spec| spec.sample == BusSample::NextTick,
+        "only for `sample = \"same_tick\"`",
+    ),
+    (
+        "probe_ramp_s",
+        |spec| spec.probe_m.is_none(),
+        "only with `probe_m`, which is missing",
     ),
 ];
 

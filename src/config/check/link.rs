@@ -26,6 +26,12 @@ pub(super) fn check_link(
         );
     }
     check_probe(specimen, link, &here, findings);
+    if let Some(names) = &link.axis_names {
+        check_names(names, specimen, &here.key("axis_names"), findings);
+    }
+    if link.protocol == Protocol::Ethercat {
+        return;
+    }
     if let Err(text) = check_address(&link.address) {
         findings.push(
             Finding::error(
@@ -41,9 +47,6 @@ pub(super) fn check_link(
                 .at_key()
                 .label("needed for `transport = \"tls\"`"),
         );
-    }
-    if let Some(names) = &link.axis_names {
-        check_names(names, specimen, &here.key("axis_names"), findings);
     }
     if link.protocol != Protocol::Gusset {
         check_openfresco(link, specimen.axes(), &here, findings);

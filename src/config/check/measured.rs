@@ -9,6 +9,7 @@ use crate::document::KeyPath;
 use crate::limit_table::LimitsSpec;
 use crate::safety::ZeroChoice;
 use crate::schema::TestFile;
+use crate::specimen::ForceOnly;
 use crate::specimen::SpecimenTable;
 use gusset_wire::openfresco::Peer;
 
@@ -99,9 +100,15 @@ pub fn needing_measured_disp(
     keys
 }
 
-fn remedy(peer: Peer, n: usize) -> String {
+fn remedy(end: ForceOnly, n: usize) -> String {
     let signals =
         format!("`openfresco.answer_signals = [{n}, {n}, {n}, {n}, 1]` in [specimen.link]");
+    let peer = match end {
+        ForceOnly::Bus => {
+            return "give each axis a `disp` in [[specimen.bus.axis]], the input that measures its displacement".to_owned();
+        }
+        ForceOnly::Peer(peer) => peer,
+    };
     match peer {
         Peer::Element => format!(
             "an element server of OpenFresco always answers displacement 0; if the server measures it, as `gusset serve` \

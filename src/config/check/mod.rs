@@ -3,6 +3,7 @@
 //! Each error explains the consequence, not only the rule. Checks that need the structure itself (number of DOFs,
 //! existence of a storey, symmetry of a matrix) are made where it is built.
 
+mod bus;
 mod certificate;
 mod damping;
 mod excitation;
@@ -12,6 +13,7 @@ mod limits;
 mod link;
 pub mod measured;
 mod numbers;
+mod on_bus;
 mod pace;
 mod rules;
 mod safety;
@@ -124,6 +126,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
             findings.idle(&at.key("link"), idle::IDLE_LINK, |when| when(link));
         }
     }
+    bus::check_buses(&file.bus, &file.specimen, tick_s, &mut findings);
     measured::check_judged(file, &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
@@ -223,6 +226,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         measured::check_measured(specimen, &at, &mut findings);
         check_served_compensation(specimen, file.serve.pace.is_some(), &at, &mut findings);
     }
+    bus::check_buses(&file.bus, &file.specimen, None, &mut findings);
     let unlimited = file.safety.as_ref();
     let unlimited = unlimited.and_then(|safety| safety.unlimited.as_deref());
     findings.printable(&root.key("title"), Some(&file.title));
@@ -378,6 +382,13 @@ mod tests {
             ("specimen[0].axis[0]", numbers_of(NUMBERS_OF_AXIS)),
             ("specimen[0].link", keys_of(IDLE_LINK)),
             ("specimen[0].link", numbers_of(NUMBERS_OF_LINK)),
+            ("bus.rig", numbers_of(NUMBERS_OF_BUS)),
+            ("specimen[0].bus", keys_of(IDLE_BUS)),
+            ("specimen[0].bus", numbers_of(NUMBERS_OF_SPECIMEN_ON_BUS)),
+            (
+                "specimen[0].bus.axis[0]",
+                numbers_of(NUMBERS_OF_AXIS_ON_BUS),
+            ),
         ] {
             let table = KeyPath::parse(table).unwrap();
             for key in keys {

@@ -222,6 +222,55 @@ pub(super) const NUMBERS_OF_LINK: &[Range] = &[
     ),
 ];
 
+pub(super) const NUMBERS_OF_BUS: &[Range] = &[
+    ("watchdog_s", Positive),
+    (
+        "watchdog_s",
+        AtMost(
+            60.0,
+            " s",
+            "the devices stop after this time without outputs",
+        ),
+    ),
+    (
+        "stale_ticks",
+        Be(
+            |ticks| (1.0..=1000.0).contains(&ticks),
+            "must be from 1 to 1000",
+            "successive ticks without a valid exchange",
+        ),
+    ),
+];
+
+pub(super) const NUMBERS_OF_SPECIMEN_ON_BUS: &[Range] = &[
+    (
+        "connect_timeout_s sample_after probe_m probe_ramp_s",
+        Positive,
+    ),
+    (
+        "sample_after",
+        Be(
+            |part| part <= 0.95,
+            "must be at most 0.95",
+            "a fraction of the tick: the inputs must arrive before it ends",
+        ),
+    ),
+    ("connect_timeout_s", AtMost(OWED_S, " s", OWED)),
+    (
+        "probe_ramp_s",
+        AtMost(STANDING_S, " s", "the time of the motion in each direction"),
+    ),
+];
+
+pub(super) const NUMBERS_OF_AXIS_ON_BUS: &[Range] = &[(
+    "command.m_per_count drive.m_per_count force.n_per_count disp.m_per_count",
+    Be(
+        |scale| scale != 0.0,
+        "must not be 0",
+        "the value of one count",
+    ),
+)];
+
 pub(super) const NUMBERS_OF_SERVE: &[Range] = &[
     (
         "openfresco.idle_timeout_s openfresco.step_s openfresco.iterates_within_m",

@@ -45,6 +45,7 @@ compensation = { ats = {} }
 limits = {}
 axis = [{ limits = {} }]
 link = { address = \"\", openfresco = {} }
+bus = { bus = \"\", axis = [] }
 ";
 
 /// The default of every key that has one.

@@ -32,10 +32,14 @@ pub(super) fn check_specimen(
     check_rules(specimen, at, findings);
     check_known(at, findings);
     if specimen.link.is_none() {
-        let why = "a specimen is either simulated (`law`, `laws`, `coupled`, `bearing`) or behind a `link`";
-        findings.exactly_one(at, &["law", "laws", "coupled", "bearing", "link"], why);
+        let why = "a specimen is either simulated (`law`, `laws`, `coupled`, `bearing`), behind a `link` or on a `bus`";
+        findings.exactly_one(
+            at,
+            &["law", "laws", "coupled", "bearing", "link", "bus"],
+            why,
+        );
     } else if specimen.source().is_some() {
-        let why = "beside a `link` it is the stand-in for rehearsals";
+        let why = "beside a `link` or `bus` it is the stand-in for rehearsals";
         findings.exactly_one(at, &["law", "laws", "coupled", "bearing"], why);
     }
     match &specimen.link {

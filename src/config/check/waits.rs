@@ -6,7 +6,7 @@ use super::numbers::{OWED_S, STANDING_S};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::echo::number;
-use crate::link_table::LinkSpec;
+use crate::link_table::{LinkSpec, Protocol};
 use crate::steps::Time;
 use crate::timetable::ClockChoice;
 use crate::timing_table::TimingSpec;
@@ -56,6 +56,9 @@ pub(super) fn check_link_waits(
     let (Some(watchdog_s), Some(time)) = (link.watchdog_s, time) else {
         return;
     };
+    if link.protocol == Protocol::Ethercat {
+        return;
+    }
     let apart_s = time.between_commands_s(link);
     if watchdog_s > 0.0 && watchdog_s < apart_s {
         let at = at.key("watchdog_s");

@@ -4,13 +4,13 @@ use super::dictionary::Dictionary;
 use super::servo::Servo;
 use crate::axis_drive::Place;
 use crate::bring_up::SIMULATED;
-use crate::mapping::{Entry, Kind};
 use crate::plan::{DevicePlan, TimeSource};
 use crate::wire::coe::Answer;
 use crate::wire::drive as words;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use crate::wire::sii::{Contents, Manager, Sii};
+use gusset_wire::process_data::{Entry, Kind};
 
 /// Bytes of memory: registers and process data.
 const MEMORY: usize = 0x3000;

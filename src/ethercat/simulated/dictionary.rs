@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use crate::mapping::Entry;
 use crate::plan::DevicePlan;
 use crate::wire::coe;
 use crate::wire::coe::{Answer, Object, Request};
 use crate::wire::drive as words;
+use gusset_wire::process_data::Entry;
 
 /// An object: its bytes, and when it may be written.
 #[derive(Debug, Clone)]

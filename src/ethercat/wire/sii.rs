@@ -1,6 +1,6 @@
 //! The EEPROM of a device (ETG.1000.6, slave information interface): words with its identity, its mailboxes and categories.
 
-use crate::mapping::Entry;
+use gusset_wire::process_data::Entry;
 
 /// Words of the fixed part.
 const VENDOR: u16 = 0x08;

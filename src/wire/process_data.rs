@@ -1,4 +1,4 @@
-//! Entries of process data: the objects that a device maps into the frames of each tick.
+//! Process data of an EtherCAT device: the objects that it maps into the frames of each tick, as text and as bytes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -205,6 +205,12 @@ pub struct SetupWrite {
     pub value: f64,
 }
 
+impl fmt::Display for SetupWrite {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.entry, self.value)
+    }
+}
+
 impl FromStr for SetupWrite {
     type Err = EntryError;
 
@@ -249,6 +255,7 @@ mod tests {
             (write.entry.index, write.entry.sub, write.value),
             (0x8000, 5, 2.0)
         );
+        assert_eq!(write.to_string().parse(), Ok(write));
     }
 
     #[test]
