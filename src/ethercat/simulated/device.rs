@@ -35,7 +35,6 @@ pub(super) struct Device {
     pub plan: DevicePlan,
     pub memory: Vec<u8>,
     eeprom: Vec<u8>,
-    sii: Sii,
     pub state: AlState,
     /// A state that it refuses, with its code.
     pub refuses: Option<(AlState, u16)>,
@@ -106,7 +105,6 @@ impl Device {
             ppm: 0.0,
             written_ns: 0,
             has_dropped: false,
-            sii,
             plan: plan.clone(),
         };
         // Type, revision, build, memory units, sync managers, RAM in kB, ports and features of an ESC with a 64 bit clock.
@@ -527,11 +525,5 @@ impl Device {
             };
             place.write(value, &mut self.memory);
         }
-    }
-
-    /// Name of its EEPROM.
-    #[cfg(test)]
-    pub(super) fn sii(&self) -> &Sii {
-        &self.sii
     }
 }

@@ -13,7 +13,7 @@ mod servo;
 
 use thiserror::Error;
 
-use crate::plan::{BusPlan, TimeSource};
+use crate::plan::BusPlan;
 use crate::wire::datagram::{Datagram, Service, datagrams};
 use crate::wire::register::AlState;
 use device::{Access, Device};
