@@ -9,6 +9,8 @@
     reason = "clap prints these comments, with names of tables in brackets and of values in angle brackets"
 )]
 
+#[cfg(feature = "ethercat")]
+mod bus;
 mod campaign;
 mod check;
 mod files;
@@ -23,6 +25,8 @@ mod serve;
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing::level_filters::LevelFilter;
 
+#[cfg(feature = "ethercat")]
+pub(super) use bus::{BusCommand, BusResetArgs, ScanArgs, SimulateArgs};
 pub(super) use campaign::{
     CampaignArgs, CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, ResultArgs,
     RunCampaignArgs, SubmitArgs, WorkArgs,
@@ -134,6 +138,10 @@ pub(super) enum Command {
     Serve(ServeArgs),
     /// Clear the latched trip of a specimen, and confirm where it stands.
     Reset(ResetArgs),
+    /// Scan, simulate or reset the devices of an EtherCAT bus.
+    #[cfg(feature = "ethercat")]
+    #[command(subcommand)]
+    Bus(BusCommand),
     /// Report what this machine has and lacks for real-time tests.
     Doctor(DoctorArgs),
     /// Measure the timing of the real-time loop on this machine, without a specimen.

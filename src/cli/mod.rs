@@ -8,6 +8,8 @@ mod args;
 mod aside;
 mod attend;
 mod benchmark;
+#[cfg(feature = "ethercat")]
+mod bus;
 mod campaign;
 mod certificate;
 mod check;
@@ -136,6 +138,8 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Identify(args) => identify::identify(&args),
         Command::Jitter(args) => jitter::jitter(&args),
         Command::Doctor(args) => doctor::doctor(&args),
+        #[cfg(feature = "ethercat")]
+        Command::Bus(command) => bus::bus(&command),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
         Command::Stop(args) => operate::operate(&args, operate::Order::Stop),

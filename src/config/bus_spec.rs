@@ -29,10 +29,10 @@ pub struct BusSpec {
     #[serde(default)]
     #[schemars(example = &"next_tick")]
     pub sample: BusSample,
-    /// Fraction of the tick after which the inputs are read, above 0 and at most 0.95. Only for
+    /// Fraction of the tick after which the inputs are read, above 0 and at most 0.85. Only for
     /// `sample = "same_tick"`.
-    #[serde(default = "four_fifths")]
-    #[schemars(example = 0.7)]
+    #[serde(default = "seven_tenths")]
+    #[schemars(example = 0.6)]
     pub sample_after: f64,
     /// Process data of each axis, one `[[specimen.bus.axis]]` table each.
     pub axis: Vec<BusAxis>,
@@ -310,6 +310,6 @@ impl JsonSchema for OneOrSeveral {
     }
 }
 
-const fn four_fifths() -> f64 {
-    0.8
+const fn seven_tenths() -> f64 {
+    0.7
 }

@@ -163,6 +163,8 @@ pub struct BusPort {
     /// The last command of each axis.
     disp: Vec<f64>,
     complaint: Option<String>,
+    /// The devices left normal operation when they were asked to; none before that.
+    has_left: Option<bool>,
     stats: LinkStats,
 }
 
@@ -181,6 +183,7 @@ impl BusPort {
             answered: 0,
             issued: 0,
             complaint: None,
+            has_left: None,
             stats: LinkStats::default(),
         }
     }
@@ -558,7 +561,12 @@ impl Substructure for BusPort {
         self.is_armed && !self.is_simulated
     }
 
+    fn has_acknowledged(&self) -> Option<bool> {
+        self.has_left
+    }
+
     fn retire(&mut self, _: Retirement) {
+        self.has_left = self.is_armed.then_some(false);
         let Some(mut held) = self.shared.take() else {
             return;
         };
@@ -576,12 +584,16 @@ impl Substructure for BusPort {
             let _ = held.bus.exchange_until(off, &mut || true);
         }
         held.retired += 1;
-        if held.retired < self.shared.specimens() {
+        let is_last = held.retired == self.shared.specimens();
+        let has_left = if is_last && held.bus.state() == AlState::Op {
+            held.bus.go_to(AlState::SafeOp, &mut || true).is_ok()
+        } else {
+            held.bus.exchange()
+        };
+        self.has_left = self.is_armed.then_some(has_left);
+        if !is_last {
             self.shared.put_back(held);
             return;
-        }
-        if held.bus.state() == AlState::Op {
-            let _ = held.bus.go_to(AlState::SafeOp, &mut || true);
         }
         self.shared.close(held);
     }

@@ -113,7 +113,7 @@ fn words(ending: &Ending, outcome: &Outcome) -> String {
         Stop::Stale { .. } => {
             reason.push_str(
                 ": its replies are late, lost or all to one old command. `link` in the summary counts them. The limit is \
-                 `max_stale` in [specimen.link]",
+                 `max_stale` in [specimen.link], or `stale_ticks` of its bus",
             );
         }
         Stop::Moved { .. } => {

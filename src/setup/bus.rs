@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 use super::{Refused, Site, path};
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::{
-    Acceptance, BusAxis, BusClock, BusCondition, BusSpec, BusTable, ClockChoice, DeviceTable,
-    Finding, Flow, KeyPath, LinkSpec, Loaded, SpecimenTable,
+    Acceptance, BusAxis, BusClock, BusCondition, BusSpec, BusTable, ClockChoice, ConfigError,
+    DeviceTable, Finding, Flow, KeyPath, LinkSpec, Loaded, SpecimenTable,
 };
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{OnStale, WaitRules};
@@ -187,12 +187,7 @@ pub(super) fn on_bus(
         has_clock: bus.clock == BusClock::Follow,
     };
     if site.bus.is_none() {
-        site.bus = Some(draft(
-            site.loaded,
-            &link.address,
-            bus,
-            site.bus_faults.clone(),
-        ));
+        site.bus = Some(draft(site.loaded, &link.address, bus));
     }
     let Some(draft) = &site.bus else {
         return Err(Refused);
@@ -220,7 +215,7 @@ pub(super) const fn is_simulated(loaded: &Loaded) -> bool {
     matches!(loaded.time.clock, ClockChoice::Simulated)
 }
 
-fn draft(loaded: &Loaded, name: &str, bus: &BusTable, faults: Vec<Fault>) -> Draft {
+fn draft(loaded: &Loaded, name: &str, bus: &BusTable) -> Draft {
     let plan = bus_plan(loaded, name, bus);
     let tables = loaded.file.specimen.iter();
     let specimens = tables.filter(|table| table.bus.is_some()).count();
@@ -230,7 +225,7 @@ fn draft(loaded: &Loaded, name: &str, bus: &BusTable, faults: Vec<Fault>) -> Dra
         let (plants, plan) = (Arc::clone(&plants), plan.clone());
         let open = move || -> Result<Box<dyn Line>, BusError> {
             let plants = plants.lock().map(|mut all| std::mem::take(&mut *all));
-            let bus = SimulatedBus::new(&plan, plants.unwrap_or_default(), faults);
+            let bus = SimulatedBus::new(&plan, plants.unwrap_or_default(), Vec::new());
             let bus =
                 bus.map_err(|error: SimulationError| BusError::Simulation(error.to_string()))?;
             let bus = Arc::new(Mutex::new(bus));
@@ -259,6 +254,22 @@ pub(super) fn followed(site: &Site<'_>) -> Option<gusset_control::engine::Follow
     Some(gusset_control::engine::FollowedClock(Box::new(
         move |below| Box::new(FollowingClock::new(below, time, period_ns)),
     )))
+}
+
+/// The devices of a test file on the simulated clock, with the stand-ins of its specimens and the faults of a script.
+///
+/// # Errors
+/// As `build`; or the script does not fit the devices.
+pub fn simulated_bus(loaded: &Loaded, faults: Vec<Fault>) -> Result<SimulatedBus, ConfigError> {
+    super::site::build(loaded, None, None, |site| {
+        super::specimens::specimens(site)?;
+        let Some(draft) = &site.bus else {
+            return site.refuse(Finding::error(path("bus"), "no specimen is on a bus"));
+        };
+        let plants = draft.plants.lock().map(|mut all| std::mem::take(&mut *all));
+        let bus = SimulatedBus::new(draft.shared.plan(), plants.unwrap_or_default(), faults);
+        bus.or_else(|error| site.refuse(Finding::error(path("bus"), error.to_string())))
+    })
 }
 
 /// The bus of a test file, for commands that need no test.

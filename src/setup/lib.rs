@@ -9,7 +9,9 @@
 //!
 //! This member is the only one that knows both the file and the controller. Begin reading with [`build`].
 
+#[cfg(feature = "ethercat")]
 mod bus;
+#[cfg(feature = "ethercat")]
 mod bus_line;
 mod case;
 mod excitation;
@@ -47,7 +49,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-pub use bus::{bus_of, bus_source};
+#[cfg(feature = "ethercat")]
+pub use bus::{bus_of, bus_source, simulated_bus};
+#[cfg(feature = "ethercat")]
 pub use bus_line::open as open_bus_line;
 pub use facts::{Facts, FrameFacts, GroundFacts, ReductionFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
@@ -299,7 +303,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         pacing: pace::pacing(file, time),
         resume: None,
         retraces: false,
+        #[cfg(feature = "ethercat")]
         followed: bus::followed(site),
+        #[cfg(not(feature = "ethercat"))]
+        followed: None,
     };
     Ok(Prepared {
         experiment,

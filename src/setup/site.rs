@@ -25,9 +25,8 @@ pub(super) struct Site<'a> {
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
     /// The bus of the specimens so far.
+    #[cfg(feature = "ethercat")]
     pub bus: Option<super::bus::Draft>,
-    /// Faults of a simulated bus.
-    pub bus_faults: Vec<gusset_ethercat::simulated::Fault>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
     pub trial: Option<&'a Trial>,
 }
@@ -53,8 +52,8 @@ pub(super) fn build<'a, T>(
         scaled: None,
         reduced: None,
         doubts: Vec::new(),
+        #[cfg(feature = "ethercat")]
         bus: None,
-        bus_faults: Vec::new(),
         trial,
     };
     make(&mut site).map_err(|Refused| loaded.refuse(std::mem::take(&mut site.errors)))

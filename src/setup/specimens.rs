@@ -22,6 +22,7 @@ use gusset_control::port::{
     Axis, AxisSpec, Compensation, Declared, LinearStandIn, LoadingUnitSpec, NeedsMeasuredDisp,
     Order, Port, PortSpec, TrackingSpec, Trend, WaitRules, WiringCheck,
 };
+#[cfg(feature = "ethercat")]
 use gusset_ethercat::BusPort;
 use gusset_link::NativeLink;
 use gusset_link::openfresco::Remote;
@@ -65,6 +66,7 @@ enum Stand {
     Law(Box<dyn Specimen>),
     Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
+    #[cfg(feature = "ethercat")]
     Bus(Box<BusPort>, WaitRules),
     /// In a rehearsal: k̂ and ĉ.
     LinearStandIn,
@@ -384,6 +386,7 @@ impl Entry {
             }
             Stand::Native(native, rules) => (native, Some(rules)),
             Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+            #[cfg(feature = "ethercat")]
             Stand::Bus(port, rules) => (port, Some(rules)),
             Stand::LinearStandIn => {
                 let (axes, stiffness) = (self.axes.clone(), self.estimate.stiffness.clone());

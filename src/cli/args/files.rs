@@ -40,6 +40,8 @@ pub(in crate::cli) enum TemplateArg {
     IsolatedBuilding,
     /// A specimen behind a network, and a second file that serves one.
     Remote,
+    /// A specimen on an EtherCAT bus, with simulated devices to begin with.
+    Bus,
     /// A specimen with your own force law, as a program in Python.
     Python,
     /// A specimen that OpenSees commands, and an OpenSeesPy model.

@@ -122,6 +122,16 @@ const REMOTE: Template = Template {
     ],
 };
 
+const BUS: Template = Template {
+    name: "bus",
+    pieces: &[piece!(".toml", "the test", "bus.toml")],
+    shared: &[TEST_SCHEMA],
+    next: &[
+        "gusset check NAME.toml",
+        "gusset bus simulate NAME.toml --pair -- gusset run NAME.toml --out runs/NAME",
+    ],
+};
+
 const PYTHON: Template = Template {
     name: "python",
     pieces: &[
@@ -161,6 +171,7 @@ impl Template {
             TemplateArg::TunedMassDamper => TUNED_MASS_DAMPER,
             TemplateArg::IsolatedBuilding => ISOLATED_BUILDING,
             TemplateArg::Remote => REMOTE,
+            TemplateArg::Bus => BUS,
             TemplateArg::Python => PYTHON,
             TemplateArg::Opensees => OPENSEES,
         }

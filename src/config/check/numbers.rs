@@ -250,8 +250,8 @@ pub(super) const NUMBERS_OF_SPECIMEN_ON_BUS: &[Range] = &[
     (
         "sample_after",
         Be(
-            |part| part <= 0.95,
-            "must be at most 0.95",
+            |part| part <= 0.85,
+            "must be at most 0.85: the loop takes the reply by then",
             "a fraction of the tick: the inputs must arrive before it ends",
         ),
     ),

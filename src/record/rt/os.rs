@@ -11,7 +11,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::num::NonZeroU64;
-use std::os::fd::AsRawFd;
+use std::os::fd::{AsRawFd, OwnedFd};
 
 use rustix::mm::MlockAllFlags;
 use rustix::process::{Resource, Rlimit, getpid, getrlimit, setrlimit};
@@ -339,42 +339,132 @@ pub(crate) fn privileges() -> Privileges {
     }
 }
 
+/// Asks the kernel about a network interface. `fill` writes into the request, whose name is set.
+fn ask_interface(
+    name: &str,
+    question: u32,
+    fill: impl FnOnce(&mut libc::ifreq),
+) -> Result<libc::ifreq, Errno> {
+    // SAFETY: ifreq is a plain struct of bytes, integers and pointers, for which all bits zero is a value.
+    let mut request: libc::ifreq = unsafe { std::mem::zeroed() };
+    // The last byte stays the end of the text.
+    if name.len() >= request.ifr_name.len() {
+        return Err(Errno::NODEV);
+    }
+    for (to, from) in request.ifr_name.iter_mut().zip(name.bytes()) {
+        *to = from as _;
+    }
+    fill(&mut request);
+    let kind = rustix::net::SocketType::DGRAM;
+    let socket = rustix::net::socket(rustix::net::AddressFamily::INET, kind, None)?;
+    // SAFETY: the socket is open, and `request` is alive for the length of the call. The questions of this file read and write the
+    // request, and memory that the caller has put into it and keeps alive.
+    let outcome = unsafe {
+        libc::ioctl(
+            socket.as_raw_fd(),
+            question as _,
+            std::ptr::from_mut(&mut request),
+        )
+    };
+    if outcome == 0 {
+        Ok(request)
+    } else {
+        Err(last_error())
+    }
+}
+
+/// What the kernel says of a network interface of this network namespace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct InterfaceFacts {
+    pub is_up: bool,
+    pub is_ethernet: bool,
+    pub is_wireless: bool,
+}
+
+/// Facts about the interface of this name.
+///
+/// # Errors
+/// ENODEV if there is none.
+pub(crate) fn interface_facts(name: &str) -> Result<InterfaceFacts, Errno> {
+    // SIOCGIWNAME of linux/wireless.h: only wireless drivers answer.
+    const WIRELESS_NAME: u32 = 0x8b01;
+    let flags = ask_interface(name, libc::SIOCGIFFLAGS as u32, |_| {})?;
+    let address = ask_interface(name, libc::SIOCGIFHWADDR as u32, |_| {})?;
+    // SAFETY: the kernel has filled this member of the union in answer to this question.
+    let (flags, family) = unsafe {
+        (
+            i32::from(flags.ifr_ifru.ifru_flags),
+            address.ifr_ifru.ifru_hwaddr.sa_family,
+        )
+    };
+    Ok(InterfaceFacts {
+        is_up: flags & libc::IFF_UP != 0,
+        is_ethernet: family == libc::ARPHRD_ETHER,
+        is_wireless: ask_interface(name, WIRELESS_NAME, |_| {}).is_ok(),
+    })
+}
+
+/// A raw socket for the frames of one Ethernet type of the interface of this name. It never blocks, and does not receive its own
+/// frames.
+///
+/// # Errors
+/// EPERM without CAP_NET_RAW, ENODEV if there is no such interface.
+pub(crate) fn packet_socket(name: &str, ether_type: u16) -> Result<OwnedFd, Errno> {
+    // PACKET_IGNORE_OUTGOING of linux/if_packet.h.
+    const IGNORE_OUTGOING: i32 = 23;
+    let protocol = ether_type.to_be();
+    let socket = rustix::net::socket_with(
+        rustix::net::AddressFamily::PACKET,
+        rustix::net::SocketType::RAW,
+        rustix::net::SocketFlags::NONBLOCK | rustix::net::SocketFlags::CLOEXEC,
+        std::num::NonZeroU32::new(protocol.into()).map(rustix::net::Protocol::from_raw),
+    )?;
+    let index = rustix::net::netdevice::name_to_index(&socket, name)?;
+    // SAFETY: sockaddr_ll is a plain struct of integers, for which all bits zero is a value.
+    let mut address: libc::sockaddr_ll = unsafe { std::mem::zeroed() };
+    address.sll_family = libc::AF_PACKET as u16;
+    address.sll_protocol = protocol;
+    address.sll_ifindex = i32::try_from(index).map_err(|_| Errno::NODEV)?;
+    // SAFETY: the socket is open; `address` is alive and initialised for the length of the call and only read.
+    let bound = unsafe {
+        libc::bind(
+            socket.as_raw_fd(),
+            std::ptr::from_ref(&address).cast(),
+            size_of::<libc::sockaddr_ll>() as libc::socklen_t,
+        )
+    };
+    let on: i32 = 1;
+    // SAFETY: the socket is open; `on` is alive and initialised for the length of the call and only read.
+    let ignores = unsafe {
+        libc::setsockopt(
+            socket.as_raw_fd(),
+            libc::SOL_PACKET,
+            IGNORE_OUTGOING,
+            std::ptr::from_ref(&on).cast(),
+            size_of::<i32>() as libc::socklen_t,
+        )
+    };
+    if bound == 0 && ignores == 0 {
+        Ok(socket)
+    } else {
+        Err(last_error())
+    }
+}
+
 /// Delay in µs after a frame before the interface of this name interrupts; `None` if its driver does not say. It may be adaptive: then
 /// the delay is that of the present setting.
 #[must_use]
 pub(crate) fn coalescing_us(name: &str) -> Option<u32> {
     // ETHTOOL_GCOALESCE of linux/ethtool.h: a command and 22 numbers, of which the second is `rx_coalesce_usecs`.
     const GET_COALESCING: u32 = 0x0e;
-    const SIOCETHTOOL: u32 = 0x8946;
+    const ETHTOOL: u32 = 0x8946;
     let mut settings = [0u32; 23];
     settings[0] = GET_COALESCING;
-    // SAFETY: ifreq is a plain struct of bytes, integers and pointers, for which all bits zero is a value.
-    let mut request: libc::ifreq = unsafe { std::mem::zeroed() };
-    // The last byte stays the end of the text.
-    let room = request.ifr_name.len() - 1;
-    if name.len() > room {
-        return None;
-    }
-    for (to, from) in request.ifr_name.iter_mut().zip(name.bytes()) {
-        *to = from as _;
-    }
-    request.ifr_ifru.ifru_data = settings.as_mut_ptr().cast();
-    let socket = rustix::net::socket(
-        rustix::net::AddressFamily::INET,
-        rustix::net::SocketType::DGRAM,
-        None,
-    );
-    let socket = socket.ok()?;
-    // SAFETY: the socket is open; `request` and `settings` are alive for the length of the call, and the kernel writes no more than
-    // the 23 numbers of this command.
-    let outcome = unsafe {
-        libc::ioctl(
-            socket.as_raw_fd(),
-            SIOCETHTOOL as _,
-            std::ptr::from_mut(&mut request),
-        )
-    };
-    (outcome == 0).then_some(settings[1])
+    let place = settings.as_mut_ptr();
+    let answered = ask_interface(name, ETHTOOL, |request| {
+        request.ifr_ifru.ifru_data = place.cast();
+    });
+    answered.is_ok().then_some(settings[1])
 }
 
 #[cfg(test)]

@@ -2,8 +2,10 @@
 
 use nalgebra::DMatrix;
 
+#[cfg(feature = "ethercat")]
+use super::super::bus;
 use super::super::gear::{Rows, axis, scaled};
-use super::super::{Estimate, Refused, Site, bus, frames, links, path, speed};
+use super::super::{Estimate, Refused, Site, frames, links, path, speed};
 use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
@@ -191,6 +193,12 @@ pub(super) fn entry(
             };
             stand_in::stand_in(site, at, &known, stand_in, &drawn)?
         }
+        #[cfg(not(feature = "ethercat"))]
+        (None, Some(link)) if link.protocol == Protocol::Ethercat => {
+            let text = "this program was built without EtherCAT (feature `ethercat`)";
+            return site.refuse(Finding::error(at.key("bus"), text));
+        }
+        #[cfg(feature = "ethercat")]
         (None, Some(link)) if link.protocol == Protocol::Ethercat => {
             let plant = if bus::is_simulated(site.loaded) {
                 let known = stand_in::Known {

@@ -73,6 +73,7 @@ pub(super) struct Known<'a> {
 }
 
 /// What a simulated bus moves: the stand-in as declared, without the delay of the bus, which is there already.
+#[cfg(feature = "ethercat")]
 pub(super) fn plant(
     site: &mut Site<'_>,
     at: &KeyPath,
