@@ -8,12 +8,13 @@ mod device;
 mod dictionary;
 mod fault;
 mod line;
+mod mailbox;
 mod plant;
 mod servo;
 
 use thiserror::Error;
 
-use crate::plan::{BusPlan, TimeSource};
+use crate::plan::BusPlan;
 use crate::wire::datagram::{Datagram, Service, datagrams};
 use crate::wire::register::AlState;
 use device::{Access, Device};
@@ -136,8 +137,10 @@ impl SimulatedBus {
             self.feel(false);
             return passage;
         }
-        // An ESC marks a frame that it has seen.
-        if let Some(byte) = frame.get_mut(6) {
+        // An ESC marks a frame that it has processed, and passes on all others as they are.
+        if datagrams(frame).is_ok()
+            && let Some(byte) = frame.get_mut(6)
+        {
             *byte |= 0x02;
         }
         let mut number = 0;

@@ -12,6 +12,7 @@ use super::*;
 use crate::error::BusError;
 use crate::plan::{
     AxisPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
+    TimeSource,
 };
 use crate::wire::register::AlState;
 use crate::{Bus, bring_up, reset_faults, scan};
