@@ -16,8 +16,8 @@ const MEMORY: usize = 0x3000;
 /// Mailboxes and process data in the memory.
 pub(super) const RECEIVE: (u16, u16) = (0x1000, 256);
 pub(super) const SEND: (u16, u16) = (0x1100, 256);
-const OUTPUTS: u16 = 0x1200;
-const INPUTS: u16 = 0x2000;
+pub(super) const OUTPUTS: u16 = 0x1200;
+pub(super) const INPUTS: u16 = 0x2000;
 /// Way of a frame from device to device, in ns.
 const CABLE_NS: u64 = 100;
 /// How long a device waits for its first outputs before it refuses OP.
@@ -49,9 +49,9 @@ pub(super) struct Device {
     /// Deviation of its clock, in ppm.
     pub ppm: f64,
     /// When its outputs were last written, from SAFE-OP on.
-    written_ns: Option<u64>,
+    pub written_ns: Option<u64>,
     /// When OP was requested, while it waits for its first outputs.
-    asked_ns: Option<u64>,
+    pub asked_ns: Option<u64>,
     /// It left OP on its own: what its outputs became is still to be felt.
     pub has_dropped: bool,
 }
@@ -129,7 +129,7 @@ impl Device {
         }
     }
 
-    fn word(&self, at: u16) -> u16 {
+    pub(super) fn word(&self, at: u16) -> u16 {
         let pair = self.memory.get(usize::from(at)..);
         let pair = pair.and_then(|rest| rest.first_chunk());
         pair.map_or(0, |pair| u16::from_le_bytes(*pair))
@@ -257,7 +257,7 @@ impl Device {
     }
 
     /// The master asks for a state.
-    fn request(&mut self, control: u8, now_ns: u64) {
+    pub(super) fn request(&mut self, control: u8, now_ns: u64) {
         let has_error = self.word(reg::AL_STATUS) & u16::from(reg::AL_ERROR) != 0;
         if has_error && control & reg::AL_ERROR == 0 {
             return;
@@ -295,7 +295,7 @@ impl Device {
         unit * u64::from(self.word(reg::WATCHDOG_DATA))
     }
 
-    fn show(&mut self, state: AlState, code: u16) {
+    pub(super) fn show(&mut self, state: AlState, code: u16) {
         let error = if code == 0 { 0 } else { reg::AL_ERROR };
         self.put(reg::AL_STATUS, &[state as u8 | error, 0]);
         self.put(reg::AL_CODE, &code.to_le_bytes());
@@ -334,7 +334,7 @@ impl Device {
         }
     }
 
-    fn enter(&mut self, wanted: AlState) {
+    pub(super) fn enter(&mut self, wanted: AlState) {
         if self.state == AlState::Op && wanted < AlState::Op {
             self.drop_outputs();
         }
@@ -390,59 +390,6 @@ impl Device {
             self.asked_ns = None;
             self.show(self.state, 0x19);
         }
-    }
-
-    /// A logical datagram: what its memory units map is read and written. Returns the working counter, to which a device adds once for
-    /// all that it read and once for all that it wrote.
-    pub(super) fn exchange(
-        &mut self,
-        (logical, reads, writes): (u32, bool, bool),
-        data: &mut [u8],
-        now_ns: u64,
-    ) -> u16 {
-        if self.state < AlState::SafeOp {
-            return 0;
-        }
-        let (mut has_read, mut has_written) = (false, false);
-        for unit in 0..8 {
-            let at = reg::FMMU + unit * reg::FMMU_SIZE;
-            let [kind, active] = self.word(at + 11).to_le_bytes();
-            if active & 1 == 0 {
-                continue;
-            }
-            let start = u64::from(self.word(at)) | u64::from(self.word(at + 2)) << 16;
-            let end = start + u64::from(self.word(at + 4));
-            // The unit may begin before the datagram, and end behind it.
-            let first = start.max(u64::from(logical));
-            let last = end.min(u64::from(logical) + data.len() as u64);
-            let Some(length) = last.checked_sub(first).filter(|length| *length > 0) else {
-                continue;
-            };
-            let length = length as usize;
-            let from = (first - u64::from(logical)) as usize;
-            let physical = usize::from(self.word(at + 8)) + (first - start) as usize;
-            let part = data.get_mut(from..from + length);
-            let own = self.memory.get_mut(physical..physical + length);
-            let (Some(part), Some(own)) = (part, own) else {
-                continue;
-            };
-            if kind & 2 != 0 && writes {
-                own.copy_from_slice(part);
-                has_written = true;
-            } else if kind & 1 != 0 && reads {
-                part.copy_from_slice(own);
-                has_read = true;
-            }
-        }
-        if has_written {
-            self.written_ns = Some(now_ns);
-            if self.asked_ns.take().is_some() {
-                self.enter(AlState::Op);
-                self.show(self.state, 0);
-            }
-        }
-        let by_write = if reads { 2 } else { 1 };
-        u16::from(has_read) + if has_written { by_write } else { 0 }
     }
 
     /// Place of an entry in its memory.

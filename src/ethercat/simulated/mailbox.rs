@@ -71,3 +71,39 @@ impl Device {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::plan;
+    use super::*;
+    use crate::plan::TimeSource;
+    use crate::wire::coe::{NO_ACCESS, Object, Request};
+
+    #[test]
+    fn the_mailbox_answers_what_it_cannot_do() {
+        let mut own = Device::new((0, true), &plan().devices[3], TimeSource::Loop, 0.0);
+        own.state = AlState::PreOp;
+        let object = Object {
+            index: 0x1018,
+            sub: 0,
+        };
+        let mut complete = [0; 16];
+        Request::Complete(object).write(1, &mut complete).unwrap();
+        // SDO information, and EoE.
+        let information = [8, 0, 0, 0, 0, 0x13, 0, 0x80, 1, 0, 0, 0, 0, 0];
+        let ethernet = [8, 0, 0, 0, 0, 0x12, 0, 0, 0, 0, 0, 0, 0, 0];
+        for (message, wanted) in [
+            (&complete[..], Answer::Aborted(object, NO_ACCESS)),
+            (&information[..], Answer::Refused(4)),
+            (&ethernet[..], Answer::Refused(2)),
+        ] {
+            own.put(RECEIVE.0, message);
+            own.hear();
+            let from = usize::from(SEND.0);
+            assert!(own.mailbox_status(1));
+            let sent = &own.memory[from..from + usize::from(SEND.1)];
+            assert_eq!(Answer::read(sent), Some(wanted));
+            own.set_mailbox(1, false);
+        }
+    }
+}

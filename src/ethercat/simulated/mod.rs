@@ -11,6 +11,7 @@ mod line;
 mod mailbox;
 mod plant;
 mod servo;
+mod units;
 
 use thiserror::Error;
 
@@ -137,7 +138,7 @@ impl SimulatedBus {
             self.feel(false);
             return passage;
         }
-        // An ESC marks a frame that it has processed, and passes on all others as they are.
+        // An ESC marks a frame that it has processed, and passes on all others unchanged.
         if datagrams(frame).is_ok()
             && let Some(byte) = frame.get_mut(6)
         {

@@ -28,7 +28,7 @@ const DOWNLOAD_ANSWER: u8 = 3;
 const SIZED: u8 = 1;
 const EXPEDITED: u8 = 2;
 const TOGGLE: u8 = 0x10;
-/// The same bit where a transfer begins: all subindices at once.
+/// Bit of a request that begins a transfer of all subindices at once.
 const COMPLETE: u8 = 0x10;
 /// Command of a mailbox error, and its codes (ETG.1000.6, mailbox error reply).
 const ERROR_COMMAND: u16 = 1;
@@ -477,7 +477,7 @@ mod tests {
                 bytes[0] = (bytes.len() - 6) as u8;
                 bytes[1] = 0;
                 bytes[5] = 0x13;
-                bytes[7] = bytes[7] % 4 << 4;
+                bytes[7] = (bytes[7] % 4) << 4;
             }
             let _ = (Request::read(&bytes), Answer::read(&bytes));
         }
