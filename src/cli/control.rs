@@ -154,6 +154,7 @@ fn link_of(table: &SpecimenTable) -> Option<(&'static str, String)> {
     let link = table.link.as_ref().filter(|link| !link.computed)?;
     let family = match link.protocol {
         Protocol::Gusset => "gusset",
+        Protocol::Ethercat => "ethercat",
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             "openfresco"
         }

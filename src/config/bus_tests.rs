@@ -157,6 +157,7 @@ fn rules_of_a_bus_hold() {
                 "bus.rig.stale_ticks",
             ),
             ("\"free\"", "\"fre\"", "bus.rig.clock"),
+            ("interface = \"enp3s0\"\n", "", "bus.rig"),
             (
                 "[structure",
                 "[bus.shaker]\ninterface = \"eth1\"\ndevice = [{ name = \"a\", product = { vendor = 1, code = 1 } }]\n[structure",

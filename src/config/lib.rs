@@ -419,6 +419,8 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema + OnBuses>(
         .iter()
         .map(|mistake| mistake.path.parent().unwrap_or_default())
         .collect();
+    let buses = KeyPath::root().key("bus");
+    let lost_a_bus = damaged.iter().any(|table| table.starts_with(&buses));
     // The schema is only needed where there is a mistake.
     let hints = std::cell::OnceCell::new();
     let told = |mistake: mistake::Mistake| {
@@ -446,6 +448,8 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema + OnBuses>(
             let follows = damaged
                 .iter()
                 .any(|table| finding.path.starts_with(table) || table.starts_with(&finding.path));
+            // A bus that cannot be read is not missing.
+            let follows = follows || (lost_a_bus && finding.path.shape() == "specimen[*].bus.bus");
             if !follows && !known(&findings, &finding.path) {
                 findings.push(finding);
             }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
-use super::bus_spec::{BusSpec, is_not_written};
+use super::bus_spec::{BusSample, BusSpec, is_not_written};
 use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
 use super::link_table::{LinkSpec, Protocol};
@@ -166,6 +166,30 @@ impl SpecimenTable {
             self.identified?.transfer(pace)
         };
         self.transfer.clone().or_else(identified)
+    }
+
+    /// True if its measurement of a tick answers the command of the tick before.
+    #[must_use]
+    pub fn answers_late(&self) -> bool {
+        let bus = self.bus.as_ref();
+        bus.is_some_and(|bus| bus.sample == BusSample::NextTick)
+    }
+
+    /// The same as the loop sees it, whose ticks are `tick_s` of the same time apart: where the inputs of a bus are read with the outputs,
+    /// they answer the command before. An identified delay contains that.
+    #[must_use]
+    pub fn transfer_in_the_loop(&self, pace: f64, tick_s: f64) -> Option<TransferSpec> {
+        let known = self.believed_transfer(pace);
+        match (
+            known,
+            self.answers_late() && (self.transfer.is_some() || self.identified.is_none()),
+        ) {
+            (Some(own), true) => Some(TransferSpec {
+                delay_s: own.delay_s + tick_s,
+                ..own
+            }),
+            (known, _) => known,
+        }
     }
 
     /// The simulated actuator and sensors of a simulated specimen; none behind a link.

@@ -168,6 +168,7 @@ impl Bus {
         self.tally.sent
     }
 
+    #[cfg(test)]
     pub(crate) fn now(&self) -> Nanos {
         self.line.now()
     }
@@ -537,11 +538,6 @@ impl Bus {
             tally.culprit.is_some() && tally.stale > 0,
             tally.stale,
         )
-    }
-
-    /// True if no reply came at all in the last exchange.
-    pub(crate) fn is_silent(&self) -> bool {
-        self.tally.outcome == Outcome::Silent
     }
 
     /// True if all of these drives have torque.

@@ -11,6 +11,12 @@ pub enum BusError {
     /// The line carries no frames.
     #[error(transparent)]
     Line(#[from] LineFault),
+    /// The network interface cannot be used.
+    #[error("{0}")]
+    Interface(String),
+    /// The devices cannot be simulated.
+    #[error("the simulated bus cannot be made: {0}")]
+    Simulation(String),
     /// No device answers.
     #[error("no device answers: look at the cable to the first device and at its power")]
     NoDevice,

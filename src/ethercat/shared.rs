@@ -110,7 +110,9 @@ impl SharedBus {
         &self.time
     }
 
-    pub(crate) const fn plan(&self) -> &BusPlan {
+    /// The bus as the test file says it.
+    #[must_use]
+    pub const fn plan(&self) -> &BusPlan {
         &self.plan
     }
 

@@ -66,6 +66,7 @@ pub(crate) fn loop_round(
         pacing: Pacing::default(),
         resume: None,
         retraces: false,
+        followed: None,
     };
     let facts = Facts {
         title,

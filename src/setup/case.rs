@@ -20,7 +20,7 @@ impl Prepared {
             lambda: facts.lambda(),
             analysis: structure.and_then(|structure| structure.analysis.as_ref()),
             actuators: tables
-                .map(|(number, table)| actuator(number, table))
+                .map(|(number, table)| actuator(number, table, facts.rate_hz.recip()))
                 .collect(),
             doubts: &self.doubts,
             accepts: accepts(&file.safety, &file.integrator),
@@ -28,7 +28,7 @@ impl Prepared {
     }
 }
 
-fn actuator(number: usize, table: &SpecimenTable) -> Actuator {
+fn actuator(number: usize, table: &SpecimenTable, tick: f64) -> Actuator {
     let machine = table.link.as_ref().map(|link| Machine {
         computed: link.computed,
         forces_only: table.force_only_link().is_some(),
@@ -37,7 +37,7 @@ fn actuator(number: usize, table: &SpecimenTable) -> Actuator {
         number,
         name: table.name.clone(),
         key: decides(table),
-        transfer: table.believed_transfer(1.0),
+        transfer: table.transfer_in_the_loop(1.0, tick),
         compensation: table.compensation.clone(),
         delay_std_s: table
             .identified

@@ -63,6 +63,13 @@ pub(super) fn host(
             let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
             native(table, link, at, path, (step_s, paced, converts))?
         }
+        Protocol::Ethercat => {
+            let text = "a specimen on a bus cannot be served: its bus belongs to one test";
+            let finding = Finding::error(at.key("bus"), text);
+            return Err(Box::new(finding.help(
+                "run the test with `gusset run`; import a model of OpenSees with `gusset import`",
+            )));
+        }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             openfresco(link, at, path, table.axes())?
         }

@@ -9,6 +9,8 @@
 //!
 //! This member is the only one that knows both the file and the controller. Begin reading with [`build`].
 
+mod bus;
+mod bus_line;
 mod case;
 mod excitation;
 mod facts;
@@ -45,6 +47,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub use bus::{bus_of, bus_source};
+pub use bus_line::open as open_bus_line;
 pub use facts::{Facts, FrameFacts, GroundFacts, ReductionFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
@@ -295,6 +299,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         pacing: pace::pacing(file, time),
         resume: None,
         retraces: false,
+        followed: bus::followed(site),
     };
     Ok(Prepared {
         experiment,

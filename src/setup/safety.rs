@@ -274,7 +274,10 @@ pub(super) fn exits(
         }
     };
     Ok(Exits {
-        comes_to_rest: false,
+        comes_to_rest: site.loaded.file.specimen.get(index).is_some_and(|table| {
+            let axes = table.bus.iter().flat_map(|bus| &bus.axis);
+            axes.into_iter().any(|axis| axis.drive.is_some())
+        }),
         on_trip: exit(safety.on_trip),
         at_end: exit(safety.at_end),
         // Only "freeze" does without; that was checked.

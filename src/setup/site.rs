@@ -24,6 +24,10 @@ pub(super) struct Site<'a> {
     pub reduced: Option<Reduced>,
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
+    /// The bus of the specimens so far.
+    pub bus: Option<super::bus::Draft>,
+    /// Faults of a simulated bus.
+    pub bus_faults: Vec<gusset_ethercat::simulated::Fault>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
     pub trial: Option<&'a Trial>,
 }
@@ -49,6 +53,8 @@ pub(super) fn build<'a, T>(
         scaled: None,
         reduced: None,
         doubts: Vec::new(),
+        bus: None,
+        bus_faults: Vec::new(),
         trial,
     };
     make(&mut site).map_err(|Refused| loaded.refuse(std::mem::take(&mut site.errors)))

@@ -22,6 +22,7 @@ use gusset_control::port::{
     Axis, AxisSpec, Compensation, Declared, LinearStandIn, LoadingUnitSpec, NeedsMeasuredDisp,
     Order, Port, PortSpec, TrackingSpec, Trend, WaitRules, WiringCheck,
 };
+use gusset_ethercat::BusPort;
 use gusset_link::NativeLink;
 use gusset_link::openfresco::Remote;
 use gusset_numerics::spectral::delay::Weights;
@@ -64,6 +65,7 @@ enum Stand {
     Law(Box<dyn Specimen>),
     Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
+    Bus(Box<BusPort>, WaitRules),
     /// In a rehearsal: k̂ and ĉ.
     LinearStandIn,
 }
@@ -382,6 +384,7 @@ impl Entry {
             }
             Stand::Native(native, rules) => (native, Some(rules)),
             Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+            Stand::Bus(port, rules) => (port, Some(rules)),
             Stand::LinearStandIn => {
                 let (axes, stiffness) = (self.axes.clone(), self.estimate.stiffness.clone());
                 (
@@ -467,7 +470,7 @@ fn follow(
     let compensators = compensation::compensators(site, index, axes, tick)?;
     let file = &site.loaded.file;
     let table = &file.specimen[index];
-    let known = table.believed_transfer(1.0);
+    let known = table.transfer_in_the_loop(1.0, time.period.value());
     spec.compensation = compensators.map(|compensators| Compensation {
         compensators,
         tick,

@@ -14,6 +14,8 @@ use super::values::{
 
 /// A table with fewer keys than this, all of them plain values, is shown within the keys that use it.
 const SMALL: usize = 3;
+/// Stands for a name of the user in a path.
+const NAME: &str = "NAME";
 /// Deeper tables are not in the table of contents.
 const DEEPEST: usize = 2;
 
@@ -81,6 +83,7 @@ impl<'a> Reference<'a> {
         node.get("properties").is_some()
             || node.get("items").is_some_and(|item| self.is_deep(item))
             || choices(node).is_some_and(|all| all.iter().any(|one| self.is_deep(one)))
+            || named_tables(node).is_some_and(|table| self.is_deep(table))
             || is_empty_table(node)
     }
 
@@ -104,6 +107,10 @@ impl<'a> Reference<'a> {
                 let (resolved, _) = schema.resolve(child);
                 let path = joined(&path, key);
                 let unnamed = joined(&owner, key);
+                if let Some(table) = named_tables(resolved) {
+                    open.push_back((joined(&path, NAME), unnamed, false, table));
+                    continue;
+                }
                 if let Some(item) = resolved.get("items").filter(|item| self.is_deep(item)) {
                     open.push_back((path, unnamed, true, item));
                 } else if self.is_deep(child) {
@@ -130,8 +137,10 @@ impl<'a> Reference<'a> {
         let section = self.sections.iter().find(|section| section.path == path);
         for (key, _) in section.map_or_else(Vec::new, |section| keys_of(section.node)) {
             let below = joined(path, key);
-            if self.sections.iter().any(|section| section.path == below) {
-                self.descend(&below, order);
+            for below in [joined(&below, NAME), below] {
+                if self.sections.iter().any(|section| section.path == below) {
+                    self.descend(&below, order);
+                }
             }
         }
     }
@@ -174,7 +183,7 @@ impl<'a> Reference<'a> {
     /// The sections that are not among those already written, as a table of contents.
     pub fn contents(&self, written: &BTreeMap<String, String>, text: &mut String) {
         for section in &self.sections {
-            let depth = section.path.matches('.').count();
+            let depth = section.path.replace(".NAME", "").matches('.').count();
             if section.path.is_empty() || depth > DEEPEST || written.contains_key(&section.owner) {
                 continue;
             }
@@ -244,14 +253,18 @@ impl<'a> Reference<'a> {
         let one = one_of_list(node);
         let is_either = one.is_some();
         let (resolved, name) = self.schema.resolve(one.unwrap_or(node));
+        let named = named_tables(resolved);
         let path = joined(&section.path, key);
+        let path = named.map_or(path.clone(), |_| joined(&path, NAME));
         let item = resolved.get("items");
-        let (of_item, item_name) = item.map_or((resolved, name), |item| self.schema.resolve(item));
+        let (of_item, item_name) =
+            (item.or(named)).map_or((resolved, name), |item| self.schema.resolve(item));
         let owner = item_name.map_or_else(|| joined(&section.owner, key), str::to_owned);
         let own = bracketed(&path, item.is_some());
         let kind = match item {
             None if is_either => "table or list of tables",
             Some(_) => "list of tables",
+            None if named.is_some() => "tables with names",
             None if word_choices(of_item).is_empty() => "table",
             None => "table or word",
         };
@@ -449,6 +462,12 @@ fn keys_of(node: &Value) -> Vec<(&str, &Value)> {
         }
     }
     keys
+}
+
+/// The table of a node that holds tables with names of the user.
+fn named_tables(node: &Value) -> Option<&Value> {
+    node.get("additionalProperties")
+        .filter(|any| any.is_object())
 }
 
 fn is_empty_table(node: &Value) -> bool {

@@ -126,6 +126,11 @@ fn check_bus(
             findings.push(finding.beside(first, "first here"));
         }
     }
+    check_size(name, bus, at, findings);
+}
+
+/// One frame holds the process data of all devices.
+fn check_size(name: &str, bus: &BusTable, at: &KeyPath, findings: &mut Findings) {
     let bytes: Vec<usize> = bus.device.iter().map(bytes_of).collect();
     let total: usize = bytes.iter().sum();
     let large = bytes

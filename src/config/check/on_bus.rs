@@ -1,6 +1,7 @@
 //! `[specimen.bus]`: names of process data, scales, conditions and drives of a specimen on a bus.
 
 use super::bus::Buses;
+use super::specimen::counted;
 use super::{Findings, idle, numbers};
 use crate::axis_table::AxisTable;
 use crate::bus_spec::{BusAxis, BusCondition, BusDrive, BusSpec};
@@ -48,8 +49,13 @@ pub(super) fn check_on_bus(
     let axes = specimen.axes();
     if spec.axis.len() != axes {
         let text = format!(
-            "{} tables [[specimen.bus.axis]] for {axes} axes",
-            spec.axis.len()
+            "the specimen has {}, but {} given",
+            counted(axes, "axis", "axes"),
+            counted(
+                spec.axis.len(),
+                "`bus.axis` table is",
+                "`bus.axis` tables are"
+            )
         );
         let finding = Finding::error(here.key("axis"), text).at_key();
         findings.push(finding.label("one table per axis"));
@@ -79,7 +85,6 @@ pub(super) fn check_on_bus(
                 finding,
                 &spec.bus,
                 &names,
-                "buses",
                 "a [bus.NAME] table is needed",
             ));
         }
@@ -87,14 +92,14 @@ pub(super) fn check_on_bus(
 }
 
 /// The finding about an unknown name: the nearest name, and all of them.
-fn among(finding: Finding, found: &str, names: &[&str], of: &str, without: &str) -> Finding {
+fn among(finding: Finding, found: &str, names: &[&str], without: &str) -> Finding {
     let finding = match nearest(found, names) {
         Some(near) => finding.label(format!("did you mean {near:?}?")),
         None => finding,
     };
     finding.help(match names {
         [] => without.to_owned(),
-        names => format!("the {of} are {}", listed(names, "and")),
+        names => format!("allowed here: {}", listed(names, "or")),
     })
 }
 
@@ -245,20 +250,13 @@ fn find<'a>(
         "none of its {} has a name: write it behind the type",
         flow.key()
     );
-    let of = format!("named {}", flow.key());
-    findings.push(among(
-        Finding::error(at, headline),
-        entry,
-        &names,
-        &of,
-        &without,
-    ));
+    findings.push(among(Finding::error(at, headline), entry, &names, &without));
     None
 }
 
 fn unknown_device(finding: Finding, bus: &BusTable, device: &str) -> Finding {
     let names: Vec<&str> = bus.device.iter().map(|one| one.name.as_str()).collect();
-    among(finding, device, &names, "devices", "the bus has no device")
+    among(finding, device, &names, "the bus has no device")
 }
 
 /// A drive maps the objects of its mode.

@@ -408,6 +408,6 @@ pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) 
     }
 }
 
-fn counted(n: usize, one: &str, many: &str) -> String {
+pub(super) fn counted(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }

@@ -3,7 +3,7 @@
 use super::columns::Row;
 use super::{Limits, Pacing, Resumption, Side, StartupSettings, StaticLoad};
 use crate::port::Port;
-use gusset_quantity::time::Ratio;
+use gusset_quantity::time::{Clock, Ratio};
 use gusset_record::Column;
 
 /// Everything a test needs, as plain data.
@@ -35,6 +35,17 @@ pub struct Experiment {
     pub resume: Option<Resumption>,
     /// A first signal makes the specimens go back to where the test began: that of an identification.
     pub retraces: bool,
+    /// A clock over that of the machine, which the loop follows.
+    pub followed: Option<FollowedClock>,
+}
+
+/// Puts a clock over that of the machine: that of a bus.
+pub struct FollowedClock(pub Box<dyn FnOnce(Box<dyn Clock>) -> Box<dyn Clock> + Send>);
+
+impl std::fmt::Debug for FollowedClock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("FollowedClock")
+    }
 }
 
 impl Experiment {

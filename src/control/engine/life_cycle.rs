@@ -416,6 +416,7 @@ mod tests {
             pacing: Pacing::default(),
             resume: None,
             retraces: false,
+            followed: None,
         }
     }
 

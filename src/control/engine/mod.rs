@@ -57,7 +57,7 @@ mod wiring_check;
 pub use audit::StepAudit;
 pub use deadlines::Gaps;
 pub use end_positions::{EndPosition, IncompleteShutdown};
-pub use experiment::Experiment;
+pub use experiment::{Experiment, FollowedClock};
 pub use gusset_numerics::integrate::Peaks;
 pub use intake::Intake;
 pub use life_cycle::{Connected, Ready, Retired, Retraced, Stopped};

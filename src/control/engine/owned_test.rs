@@ -20,7 +20,8 @@ use super::supervision::Supervision;
 use super::test_judge::TestJudge;
 use super::tick::Tick;
 use super::{
-    Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side, StaticLoad, Stop,
+    Ending, Experiment, FollowedClock, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side,
+    StaticLoad, Stop,
 };
 use crate::port::Port;
 use gusset_quantity::state::{Stateful, TestState};
@@ -146,7 +147,12 @@ impl Test {
             pacing,
             resume,
             retraces,
+            followed,
         } = experiment;
+        let clock = match followed {
+            Some(FollowedClock(over)) if !clock.is_simulated() => over(clock),
+            _ => clock,
+        };
         let (row, columns) = Row::new((&record_dofs, &rotations), &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),

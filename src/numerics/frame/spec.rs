@@ -243,9 +243,11 @@ pub struct RectangleSpec {
     pub depth_m: f64,
     /// Number of fibres over the depth. Default: 20.
     #[serde(default = "twenty")]
+    #[schemars(example = 40)]
     pub layers: usize,
     /// Number of fibres over the width in space. Default: 8.
     #[serde(default = "eight")]
+    #[schemars(example = 12)]
     pub layers_across: usize,
 }
 
@@ -276,9 +278,11 @@ pub struct IShapeSpec {
     /// Number of fibres over the depth: a fifth of them in each flange, the others in the web.
     /// Default: 20.
     #[serde(default = "twenty")]
+    #[schemars(example = 40)]
     pub layers: usize,
     /// Number of fibres over the width in space. Default: 8.
     #[serde(default = "eight")]
+    #[schemars(example = 12)]
     pub layers_across: usize,
 }
 
@@ -299,6 +303,7 @@ pub struct CircleSpec {
     pub diameter_m: f64,
     /// Number of fibres over the diameter; in space of sectors. Default: 20.
     #[serde(default = "twenty")]
+    #[schemars(example = 40)]
     pub layers: usize,
 }
 
@@ -322,6 +327,7 @@ pub struct TubeSpec {
     pub thickness_m: f64,
     /// Number of fibres over the diameter; in space of sectors. Default: 20.
     #[serde(default = "twenty")]
+    #[schemars(example = 40)]
     pub layers: usize,
 }
 
@@ -361,9 +367,11 @@ pub struct RcRectangleSpec {
     pub middle_area_m2: f64,
     /// Number of fibres over the depth of the core. Default: 20.
     #[serde(default = "twenty")]
+    #[schemars(example = 40)]
     pub layers: usize,
     /// Number of fibres over the width in space. Default: 8.
     #[serde(default = "eight")]
+    #[schemars(example = 12)]
     pub layers_across: usize,
 }
 

@@ -33,6 +33,7 @@ pub mod control_socket;
 pub mod doctor;
 pub mod load;
 pub mod os;
+pub mod packet;
 pub mod proc;
 pub mod sampler;
 pub mod secret_file;

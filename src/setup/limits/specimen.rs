@@ -151,6 +151,10 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
                 duration(after)
             )
         }
+        Protocol::Ethercat => format!(
+            "each device with outputs leaves OP {} after the last exchange",
+            duration(link.watchdog_s.unwrap_or_default())
+        ),
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             "none: this protocol has no watchdog, so nothing holds the specimen if this program stops sending"
                 .to_owned()

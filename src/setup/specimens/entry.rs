@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
-use super::super::{Estimate, Refused, Site, frames, links, path, speed};
+use super::super::{Estimate, Refused, Site, bus, frames, links, path, speed};
 use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
@@ -190,6 +190,23 @@ pub(super) fn entry(
                     == (&estimate.stiffness, &estimate.damping),
             };
             stand_in::stand_in(site, at, &known, stand_in, &drawn)?
+        }
+        (None, Some(link)) if link.protocol == Protocol::Ethercat => {
+            let plant = if bus::is_simulated(site.loaded) {
+                let known = stand_in::Known {
+                    table,
+                    axes: &axes,
+                    units: &units,
+                    stiffness: &said_stiffness,
+                    damping: &said_damping,
+                    is_believed: false,
+                };
+                stand_in::plant(site, at, &known, stand_in)?
+            } else {
+                None
+            };
+            let (port, rules) = bus::on_bus(site, at, (table, link), &units, plant)?;
+            Stand::Bus(Box::new(port), rules)
         }
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (native, rules) = links::native(site, at, table, link, n)?;

@@ -72,6 +72,20 @@ pub(super) struct Known<'a> {
     pub is_believed: bool,
 }
 
+/// What a simulated bus moves: the stand-in as declared, without the delay of the bus, which is there already.
+pub(super) fn plant(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    known: &Known<'_>,
+    law: Option<Box<dyn Specimen>>,
+) -> Result<Option<Box<dyn Specimen>>, Refused> {
+    let stand = stand_in(site, at, known, law, &Drawn::default())?;
+    Ok(match stand {
+        Stand::Law(law) => Some(law),
+        _ => None,
+    })
+}
+
 /// The stand-in of a specimen behind a link: `law` as declared, else a linear one; behind its estimated actuator.
 pub(super) fn stand_in(
     site: &mut Site<'_>,
@@ -83,7 +97,18 @@ pub(super) fn stand_in(
     let time = site.loaded.time;
     // The identified delays are wall time; a slower test sees less of them.
     let pace = compensation::test_time(time) / time.period.value();
-    let transfer = known.table.believed_transfer(pace);
+    let tick = compensation::test_time(time);
+    let transfer = match site.trial {
+        // Even an actuator without lag answers a tick later where inputs are read with the outputs.
+        Some(_) => {
+            let late = known.table.answers_late().then(|| TransferSpec {
+                delay_s: tick,
+                ..TransferSpec::default()
+            });
+            known.table.transfer_in_the_loop(pace, tick).or(late)
+        }
+        None => known.table.believed_transfer(pace),
+    };
     if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 && known.is_believed {
         return Ok(Stand::LinearStandIn);
     }

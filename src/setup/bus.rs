@@ -1,0 +1,282 @@
+//! From `[bus.NAME]` and `[specimen.bus]` to a specimen on the bus. Nothing is opened here.
+//!
+//! On the simulated clock the devices are simulated in this process, and the stand-in of each specimen is what they move.
+
+use std::sync::{Arc, Mutex};
+
+use super::{Refused, Site, path};
+use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
+use gusset_config::{
+    Acceptance, BusAxis, BusClock, BusCondition, BusSpec, BusTable, ClockChoice, DeviceTable,
+    Finding, Flow, KeyPath, LinkSpec, Loaded, SpecimenTable,
+};
+use gusset_control::port::limits::AxisLimits;
+use gusset_control::port::{OnStale, WaitRules};
+use gusset_ethercat::line::Line;
+use gusset_ethercat::plan::{
+    AxisPlan, BusPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
+    TimeSource,
+};
+use gusset_ethercat::simulated::{Fault, Plant, SimulatedBus, SimulatedLine, SimulationError};
+use gusset_ethercat::{BusError, BusPort, FollowingClock, Opener, SharedBus};
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::time::{Clock, SimClock};
+use gusset_record::rt::clock::MonotonicClock;
+
+/// The bus of a test while its specimens are made.
+pub(crate) struct Draft {
+    shared: Arc<SharedBus>,
+    plants: Arc<Mutex<Vec<Plant>>>,
+}
+
+/// First bytes of the sender of our frames; the last two tell processes apart.
+const SOURCE: [u8; 4] = [0x10, 0x47, 0x53, 0x54];
+
+fn source() -> [u8; 6] {
+    let [a, b, c, d] = SOURCE;
+    let [low, high, ..] = std::process::id().to_le_bytes();
+    [a, b, c, d, low, high]
+}
+
+/// The place that `at` names. The check of the file has made sure that it is there.
+fn place(bus: &BusTable, flow: Flow, at: &str) -> Option<EntryPlace> {
+    let (device, entry) = bus.place(flow, at)?;
+    Some(EntryPlace { device, entry })
+}
+
+/// The axes of a specimen, whose `units` are metres and newtons in one unit of each axis.
+fn specimen_plan(bus: &BusTable, spec: &BusSpec, units: &[(f64, f64)]) -> Option<SpecimenPlan> {
+    let input = |at: &str, per_count, zero_count| {
+        Some(Scaled {
+            at: place(bus, Flow::Inputs, at)?,
+            per_count,
+            zero_count,
+        })
+    };
+    let check = |one: &BusCondition| {
+        let mask = one.mask.unwrap_or(u32::MAX);
+        Some(Check {
+            at: place(bus, Flow::Inputs, &one.at)?,
+            mask,
+            equals: one.equals & mask,
+        })
+    };
+    let axis = |(axis, (metres, newtons)): (&BusAxis, &(f64, f64))| {
+        let command = match (&axis.command, &axis.drive) {
+            (Some(command), _) => CommandPlan::Output(Scaled {
+                at: place(bus, Flow::Outputs, &command.at)?,
+                per_count: command.m_per_count / metres,
+                zero_count: command.offset_count,
+            }),
+            (None, Some(drive)) => {
+                let mut devices = bus.device.iter();
+                CommandPlan::Drive(devices.position(|one| one.name == drive.device)?)
+            }
+            (None, None) => return None,
+        };
+        let force = &axis.force;
+        let disp = match &axis.disp {
+            Some(disp) => Some(input(&disp.at, disp.m_per_count / metres, disp.zero_count)?),
+            None => None,
+        };
+        Some(AxisPlan {
+            command,
+            force: input(&force.at, force.n_per_count / newtons, force.zero_count)?,
+            disp,
+            good: axis.good.iter().map(check).collect::<Option<_>>()?,
+        })
+    };
+    Some(SpecimenPlan {
+        axes: spec
+            .axis
+            .iter()
+            .zip(units)
+            .map(axis)
+            .collect::<Option<_>>()?,
+        interlock: spec.interlock.iter().map(check).collect::<Option<_>>()?,
+    })
+}
+
+fn device_plan(loaded: &Loaded, device: &DeviceTable) -> DevicePlan {
+    DevicePlan {
+        name: device.name.clone(),
+        vendor: device.product.vendor,
+        code: device.product.code,
+        revision: device.product.revision,
+        outputs: device.outputs.clone(),
+        inputs: device.inputs.clone(),
+        assign: device.assign,
+        setup: device.setup.clone(),
+        drive: drive_plan(loaded, device),
+    }
+}
+
+/// What a drive needs, from the axis that it moves.
+fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
+    for table in &loaded.file.specimen {
+        let axes = table.bus.iter().flat_map(|bus| &bus.axis);
+        for (index, axis) in axes.enumerate() {
+            let Some(drive) = axis.drive.as_ref().filter(|one| one.device == device.name) else {
+                continue;
+            };
+            let count = table.units_of(index + 1).len().max(index + 1);
+            let units = table.units_of(count);
+            let metres = units.get(index).map_or(1.0, |units| units.metres);
+            let limits = table.limits_of(count);
+            let limits = limits.get(index).map_or(AxisLimits::NONE, AxisLimits::of);
+            let following = limits.size(Limit::FollowingError).trip;
+            return Some(DrivePlan {
+                counts_per_unit: metres / drive.m_per_count,
+                accel: limits.size(Limit::CommandAccel).trip / metres,
+                following_counts: following
+                    .is_finite()
+                    .then(|| (following / drive.m_per_count).abs()),
+                accepts_free_stop: device.accept == Some(Acceptance::TorqueOff),
+            });
+        }
+    }
+    None
+}
+
+/// The bus of this name as its file says it, with the samples of the specimens on it.
+fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
+    let period_s = loaded.time.period.value();
+    let mut samples = loaded.file.specimen.iter().filter_map(|table| {
+        let spec = table.bus.as_ref().filter(|spec| spec.bus == name)?;
+        Some(spec.samples_after())
+    });
+    let share = samples.next().flatten();
+    BusPlan {
+        name: name.to_owned(),
+        devices: bus
+            .device
+            .iter()
+            .map(|one| device_plan(loaded, one))
+            .collect(),
+        period_ns: (period_s * 1e9).round() as u64,
+        time: match bus.clock {
+            BusClock::Follow => TimeSource::Bus,
+            BusClock::Free => TimeSource::Loop,
+        },
+        watchdog_ns: (bus.watchdog_s * 1e9) as u64,
+        sample_after_ns: share.map(|share| (share * period_s * 1e9) as u64),
+        stale_ticks: u32::try_from(bus.stale_ticks).unwrap_or(u32::MAX),
+    }
+}
+
+/// A specimen on its bus, and how it is waited for. `plant` is what a simulated bus moves.
+pub(super) fn on_bus(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    (table, link): (&SpecimenTable, &LinkSpec),
+    units: &[(f64, f64)],
+    plant: Option<Box<dyn Specimen>>,
+) -> Result<(BusPort, WaitRules), Refused> {
+    let (Some(spec), Some(bus)) = (&table.bus, site.loaded.file.bus.get(&link.address)) else {
+        let text = format!("there is no `[bus.{}]`", link.address);
+        return site.refuse(Finding::error(at.key("bus").key("bus"), text));
+    };
+    let Some(plan) = specimen_plan(bus, spec, units) else {
+        let text = "an entry of this specimen is not on its bus";
+        return site.refuse(Finding::error(at.key("bus").key("axis"), text));
+    };
+    let wait = WaitRules {
+        reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
+        on_stale: OnStale::Hold,
+        stale_in_a_row: bus.stale_ticks,
+        has_clock: bus.clock == BusClock::Follow,
+    };
+    if site.bus.is_none() {
+        site.bus = Some(draft(
+            site.loaded,
+            &link.address,
+            bus,
+            site.bus_faults.clone(),
+        ));
+    }
+    let Some(draft) = &site.bus else {
+        return Err(Refused);
+    };
+    if let (Some(law), Ok(mut plants)) = (plant, draft.plants.lock()) {
+        let law = Box::new(InProcess::new(InUnits::around(law, units)));
+        let metres = units.iter().map(|(metres, _)| metres);
+        let stands = table.bus.as_ref().and_then(|spec| spec.stands_at_m.clone());
+        let stands = stands.unwrap_or_else(|| vec![0.0; units.len()]);
+        plants.push(Plant {
+            specimen: plan.clone(),
+            law,
+            stands_at: stands
+                .iter()
+                .zip(metres)
+                .map(|(disp, metres)| disp / metres)
+                .collect(),
+        });
+    }
+    Ok((BusPort::new(Arc::clone(&draft.shared), plan), wait))
+}
+
+/// True if the devices are simulated in this process, so that each specimen needs a law for them to move.
+pub(super) const fn is_simulated(loaded: &Loaded) -> bool {
+    matches!(loaded.time.clock, ClockChoice::Simulated)
+}
+
+fn draft(loaded: &Loaded, name: &str, bus: &BusTable, faults: Vec<Fault>) -> Draft {
+    let plan = bus_plan(loaded, name, bus);
+    let tables = loaded.file.specimen.iter();
+    let specimens = tables.filter(|table| table.bus.is_some()).count();
+    let plants: Arc<Mutex<Vec<Plant>>> = Arc::default();
+    let own = source();
+    let (opener, clock): (Opener, Option<Box<dyn Clock>>) = if is_simulated(loaded) {
+        let (plants, plan) = (Arc::clone(&plants), plan.clone());
+        let open = move || -> Result<Box<dyn Line>, BusError> {
+            let plants = plants.lock().map(|mut all| std::mem::take(&mut *all));
+            let bus = SimulatedBus::new(&plan, plants.unwrap_or_default(), faults);
+            let bus =
+                bus.map_err(|error: SimulationError| BusError::Simulation(error.to_string()))?;
+            let bus = Arc::new(Mutex::new(bus));
+            Ok(Box::new(SimulatedLine::new(bus, Box::new(SimClock::new()))))
+        };
+        (Box::new(open), None)
+    } else {
+        let interface = bus.interface.clone();
+        let open = move || super::bus_line::open(&interface);
+        (Box::new(open), Some(Box::new(MonotonicClock::default())))
+    };
+    Draft {
+        shared: SharedBus::new(plan, (own, specimens), opener, clock),
+        plants,
+    }
+}
+
+/// The clock of a loop that follows this bus.
+pub(super) fn followed(site: &Site<'_>) -> Option<gusset_control::engine::FollowedClock> {
+    let draft = site.bus.as_ref()?;
+    let plan = draft.shared.plan();
+    if plan.time != TimeSource::Bus {
+        return None;
+    }
+    let (time, period_ns) = (Arc::clone(draft.shared.time()), plan.period_ns);
+    Some(gusset_control::engine::FollowedClock(Box::new(
+        move |below| Box::new(FollowingClock::new(below, time, period_ns)),
+    )))
+}
+
+/// The bus of a test file, for commands that need no test.
+///
+/// # Errors
+/// The file has no bus.
+pub fn bus_of(loaded: &Loaded) -> Result<(BusPlan, String), Finding> {
+    match loaded.file.bus.iter().next() {
+        Some((name, bus)) => Ok((bus_plan(loaded, name, bus), bus.interface.clone())),
+        None => {
+            let text = "this file has no `[bus.NAME]`";
+            Err(Finding::error(path("bus"), text))
+        }
+    }
+}
+
+/// The sender of our frames.
+#[must_use]
+pub fn bus_source() -> [u8; 6] {
+    source()
+}
