@@ -112,8 +112,8 @@ impl Device {
         };
         // Type, revision, build, memory units, sync managers, RAM in kB, ports and features of an ESC with a 64 bit clock.
         device.put(0, &[0x11, 0, 2, 0, 8, 8, 8, 0x0f, 0x0c, 0]);
-        let last: [u8; 2] = [0x10, 0x56];
-        let between: [u8; 2] = [0x30, 0x5a];
+        let last: [u8; 2] = [0x11, 0x56];
+        let between: [u8; 2] = [0x31, 0x5a];
         device.put(reg::DL_STATUS, if is_last { &last } else { &between });
         device.put(reg::AL_STATUS, &[1, 0]);
         device.put(reg::WATCHDOG_DIVIDER, &2498u16.to_le_bytes());
