@@ -5,7 +5,6 @@ use super::servo::Servo;
 use crate::axis_drive::Place;
 use crate::bring_up::SIMULATED;
 use crate::plan::{DevicePlan, TimeSource};
-use crate::wire::coe::Answer;
 use crate::wire::drive as words;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
@@ -15,12 +14,15 @@ use gusset_wire::process_data::{Entry, Kind};
 /// Bytes of memory: registers and process data.
 const MEMORY: usize = 0x3000;
 /// Mailboxes and process data in the memory.
-const RECEIVE: (u16, u16) = (0x1000, 256);
-const SEND: (u16, u16) = (0x1100, 256);
-const OUTPUTS: u16 = 0x1200;
-const INPUTS: u16 = 0x2000;
+pub(super) const RECEIVE: (u16, u16) = (0x1000, 256);
+pub(super) const SEND: (u16, u16) = (0x1100, 256);
+pub(super) const OUTPUTS: u16 = 0x1200;
+pub(super) const INPUTS: u16 = 0x2000;
 /// Way of a frame from device to device, in ns.
 const CABLE_NS: u64 = 100;
+/// How long a device waits for its first outputs before it refuses OP.
+const FIRST_OUTPUTS_NS: u64 = 200_000_000;
+
 /// What a frame does with a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
@@ -38,17 +40,18 @@ pub(super) struct Device {
     pub state: AlState,
     /// A state that it refuses, with its code.
     pub refuses: Option<(AlState, u16)>,
-    dictionary: Dictionary,
-    answers: Vec<Vec<u8>>,
-    count: u8,
+    pub dictionary: Dictionary,
+    pub answers: Vec<Vec<u8>>,
+    pub count: u8,
     pub servo: Option<Servo>,
     time: TimeSource,
     index: u64,
-    is_last: bool,
     /// Deviation of its clock, in ppm.
     pub ppm: f64,
-    /// When process data were last written.
-    written_ns: u64,
+    /// When its outputs were last written, from SAFE-OP on.
+    pub written_ns: Option<u64>,
+    /// When OP was requested, while it waits for its first outputs.
+    pub asked_ns: Option<u64>,
     /// It left OP on its own: what its outputs became is still to be felt.
     pub has_dropped: bool,
 }
@@ -101,16 +104,16 @@ impl Device {
             servo: plan.drive.as_ref().map(|_| Servo::at(counts)),
             time,
             index: index as u64,
-            is_last,
             ppm: 0.0,
-            written_ns: 0,
+            written_ns: None,
+            asked_ns: None,
             has_dropped: false,
             plan: plan.clone(),
         };
         // Type, revision, build, memory units, sync managers, RAM in kB, ports and features of an ESC with a 64 bit clock.
         device.put(0, &[0x11, 0, 2, 0, 8, 8, 8, 0x0f, 0x0c, 0]);
-        let last: [u8; 2] = [0x10, 0x56];
-        let between: [u8; 2] = [0x30, 0x5a];
+        let last: [u8; 2] = [0x11, 0x56];
+        let between: [u8; 2] = [0x31, 0x5a];
         device.put(reg::DL_STATUS, if is_last { &last } else { &between });
         device.put(reg::AL_STATUS, &[1, 0]);
         device.put(reg::WATCHDOG_DIVIDER, &2498u16.to_le_bytes());
@@ -119,14 +122,14 @@ impl Device {
         device
     }
 
-    fn put(&mut self, at: u16, bytes: &[u8]) {
+    pub(super) fn put(&mut self, at: u16, bytes: &[u8]) {
         let at = usize::from(at);
         if let Some(place) = self.memory.get_mut(at..at + bytes.len()) {
             place.copy_from_slice(bytes);
         }
     }
 
-    fn word(&self, at: u16) -> u16 {
+    pub(super) fn word(&self, at: u16) -> u16 {
         let pair = self.memory.get(usize::from(at)..);
         let pair = pair.and_then(|rest| rest.first_chunk());
         pair.map_or(0, |pair| u16::from_le_bytes(*pair))
@@ -212,7 +215,7 @@ impl Device {
         }
         if touches(reg::AL_CONTROL) {
             let control = self.memory.get(usize::from(reg::AL_CONTROL)).copied();
-            self.request(control.unwrap_or_default());
+            self.request(control.unwrap_or_default(), now_ns);
         }
         if touches(reg::SII_CONTROL) {
             self.read_eeprom();
@@ -226,23 +229,13 @@ impl Device {
         true
     }
 
-    fn mailbox_status(&self, manager: u16) -> bool {
-        let at = reg::SYNC_MANAGER + manager * reg::SYNC_MANAGER_SIZE + reg::SYNC_MANAGER_STATUS;
-        let status = self.memory.get(usize::from(at));
-        status.is_some_and(|status| status & reg::MAILBOX_FULL != 0)
-    }
-
-    fn set_mailbox(&mut self, manager: u16, full: bool) {
-        let at = reg::SYNC_MANAGER + manager * reg::SYNC_MANAGER_SIZE + reg::SYNC_MANAGER_STATUS;
-        self.put(at, &[if full { reg::MAILBOX_FULL } else { 0 }]);
-    }
-
     fn latch(&mut self, now_ns: u64, devices: u64) {
         let arrival = now_ns + CABLE_NS * self.index;
         let back = now_ns + CABLE_NS * (2 * (devices - 1) - self.index);
         let (first, second) = (self.local_ns(arrival), self.local_ns(back));
         self.put(reg::DC_RECEIVE, &(first as u32).to_le_bytes());
-        let second = if self.is_last { 0 } else { second as u32 };
+        let is_last = self.index + 1 == devices;
+        let second = if is_last { 0 } else { second as u32 };
         self.put(reg::DC_RECEIVE + 4, &second.to_le_bytes());
         self.put(reg::DC_RECEIVE + 8, &[0; 8]);
         self.put(reg::DC_LOCAL_RECEIVE, &first.to_le_bytes());
@@ -264,7 +257,7 @@ impl Device {
     }
 
     /// The master asks for a state.
-    fn request(&mut self, control: u8) {
+    pub(super) fn request(&mut self, control: u8, now_ns: u64) {
         let has_error = self.word(reg::AL_STATUS) & u16::from(reg::AL_ERROR) != 0;
         if has_error && control & reg::AL_ERROR == 0 {
             return;
@@ -276,13 +269,33 @@ impl Device {
             Some((refused, code)) if refused == wanted && wanted > self.state => code,
             _ => self.refusal(wanted),
         };
+        self.asked_ns = None;
+        if code == 0 && self.lacks_outputs(wanted, now_ns) {
+            // The answer follows with the first outputs, or with a refusal.
+            self.asked_ns = Some(now_ns);
+            return;
+        }
         if code == 0 {
             self.enter(wanted);
         }
         self.show(self.state, code);
     }
 
-    fn show(&mut self, state: AlState, code: u16) {
+    /// True if OP is wanted, and no outputs came within the time of the watchdog.
+    fn lacks_outputs(&self, wanted: AlState, now_ns: u64) -> bool {
+        let is_step = (self.state, wanted) == (AlState::SafeOp, AlState::Op);
+        let age = self.written_ns.map(|at| now_ns.saturating_sub(at));
+        let limit = self.watchdog_ns();
+        let is_old = age.is_none_or(|age| limit > 0 && age > limit);
+        is_step && !self.plan.outputs.is_empty() && is_old
+    }
+
+    fn watchdog_ns(&self) -> u64 {
+        let unit = (u64::from(self.word(reg::WATCHDOG_DIVIDER)) + 2) * 40;
+        unit * u64::from(self.word(reg::WATCHDOG_DATA))
+    }
+
+    pub(super) fn show(&mut self, state: AlState, code: u16) {
         let error = if code == 0 { 0 } else { reg::AL_ERROR };
         self.put(reg::AL_STATUS, &[state as u8 | error, 0]);
         self.put(reg::AL_CODE, &code.to_le_bytes());
@@ -293,19 +306,23 @@ impl Device {
         use AlState as S;
         let manager = |index: u16| {
             let at = reg::SYNC_MANAGER + index * reg::SYNC_MANAGER_SIZE;
-            (self.word(at), self.word(at + 2))
+            (self.word(at), self.word(at + 2), self.word(at + 6) & 1)
+        };
+        let enabled = |(start, length): (u16, u16)| (start, length, 1);
+        let fits = |(start, length, enabled): (u16, u16, u16), own: u16, mapped: usize| {
+            usize::from(length) == mapped && (mapped == 0 || (start, enabled) == (own, 1))
         };
         if wanted <= self.state {
             return 0;
         }
         match (self.state, wanted) {
-            (S::Init, S::PreOp) if [manager(0), manager(1)] != [RECEIVE, SEND] => 0x16,
+            (S::Init, S::PreOp) if [manager(0), manager(1)] != [RECEIVE, SEND].map(enabled) => 0x16,
             (S::Init, S::PreOp) | (S::SafeOp, S::Op) => 0,
             (S::PreOp, S::SafeOp) => {
                 let is_synced = self.word(reg::DC_ACTIVATION) & 0x0300 == 0x0300;
-                if usize::from(manager(2).1) != self.dictionary.mapped(0x1c12) {
+                if !fits(manager(2), OUTPUTS, self.dictionary.mapped(0x1c12)) {
                     0x1d
-                } else if usize::from(manager(3).1) != self.dictionary.mapped(0x1c13) {
+                } else if !fits(manager(3), INPUTS, self.dictionary.mapped(0x1c13)) {
                     0x1e
                 } else if self.servo.is_some() && self.time == TimeSource::Bus && !is_synced {
                     0x30
@@ -317,9 +334,12 @@ impl Device {
         }
     }
 
-    fn enter(&mut self, wanted: AlState) {
+    pub(super) fn enter(&mut self, wanted: AlState) {
         if self.state == AlState::Op && wanted < AlState::Op {
             self.drop_outputs();
+        }
+        if wanted < AlState::SafeOp {
+            self.written_ns = None;
         }
         if wanted == AlState::Init {
             self.answers.clear();
@@ -358,108 +378,18 @@ impl Device {
         entries.iter().map(|entry| entry.kind.bytes()).sum()
     }
 
-    /// The watchdog of its process data.
+    /// The watchdog of its process data, and the patience for its first outputs.
     pub(super) fn watch(&mut self, now_ns: u64) {
-        let unit = (u64::from(self.word(reg::WATCHDOG_DIVIDER)) + 2) * 40;
-        let limit = unit * u64::from(self.word(reg::WATCHDOG_DATA));
-        let is_due = now_ns.saturating_sub(self.written_ns) > limit;
-        if self.state == AlState::Op && !self.plan.outputs.is_empty() && limit > 0 && is_due {
+        let limit = self.watchdog_ns();
+        let age = |at: Option<u64>| at.map_or(0, |at| now_ns.saturating_sub(at));
+        let has_outputs = !self.plan.outputs.is_empty();
+        if self.state == AlState::Op && has_outputs && limit > 0 && age(self.written_ns) > limit {
             self.fall(0x1b);
         }
-    }
-
-    /// Takes the message that fills its mailbox.
-    fn hear(&mut self) {
-        if self.state == AlState::Init {
-            return;
+        if age(self.asked_ns) > FIRST_OUTPUTS_NS {
+            self.asked_ns = None;
+            self.show(self.state, 0x19);
         }
-        let start = usize::from(RECEIVE.0);
-        let message = self.memory.get(start..start + usize::from(RECEIVE.1));
-        let message = message.unwrap_or_default().to_vec();
-        self.count = self.count % 7 + 1;
-        let maps = self.state == AlState::PreOp;
-        let count = self.count;
-        if let Some(servo) = &self.servo {
-            self.dictionary
-                .set(words::STATUSWORD, &servo.status().to_le_bytes());
-            self.dictionary
-                .set(words::ERROR_CODE, &servo.error.to_le_bytes());
-        }
-        if let Some(answer) = self.dictionary.answer(&message, count, maps) {
-            self.answers.push(answer);
-            self.next_answer();
-        }
-        if let (Some(servo), Some(word)) = (
-            &mut self.servo,
-            self.dictionary.get(words::CONTROLWORD, 0).first_chunk(),
-        ) && self.state != AlState::Op
-        {
-            servo.reset(u16::from_le_bytes(*word));
-        }
-    }
-
-    fn next_answer(&mut self) {
-        if !self.mailbox_status(1) && !self.answers.is_empty() {
-            let answer = self.answers.remove(0);
-            let mut whole = answer;
-            whole.resize(usize::from(SEND.1), 0);
-            self.put(SEND.0, &whole);
-            self.set_mailbox(1, true);
-        }
-    }
-
-    /// Reports an emergency by its mailbox.
-    pub(super) fn report(&mut self, code: u16) {
-        self.count = self.count % 7 + 1;
-        let mut out = vec![0; usize::from(SEND.1)];
-        if Answer::Emergency(code)
-            .write(self.count, &mut out)
-            .is_some()
-        {
-            self.answers.push(out);
-            self.next_answer();
-        }
-    }
-
-    /// A logical datagram: what its memory units map is read and written. Returns the working counter.
-    pub(super) fn exchange(
-        &mut self,
-        (logical, reads, writes): (u32, bool, bool),
-        data: &mut [u8],
-        now_ns: u64,
-    ) -> u16 {
-        if self.state < AlState::SafeOp {
-            return 0;
-        }
-        let mut counter = 0;
-        for unit in 0..8 {
-            let at = reg::FMMU + unit * reg::FMMU_SIZE;
-            let [kind, active] = self.word(at + 11).to_le_bytes();
-            if active & 1 == 0 {
-                continue;
-            }
-            let start = u32::from(self.word(at)) | u32::from(self.word(at + 2)) << 16;
-            let length = usize::from(self.word(at + 4));
-            let physical = usize::from(self.word(at + 8));
-            let Some(first) = start.checked_sub(logical).map(|first| first as usize) else {
-                continue;
-            };
-            let Some(part) = data.get_mut(first..first + length) else {
-                continue;
-            };
-            let Some(own) = self.memory.get_mut(physical..physical + length) else {
-                continue;
-            };
-            if kind & 2 != 0 && writes {
-                own.copy_from_slice(part);
-                self.written_ns = now_ns;
-                counter += if reads { 2 } else { 1 };
-            } else if kind & 1 != 0 && reads {
-                part.copy_from_slice(own);
-                counter += 1;
-            }
-        }
-        counter
     }
 
     /// Place of an entry in its memory.

@@ -44,6 +44,14 @@ impl Dictionary {
         }
         own.map((0x1c12, 0x1600), &plan.outputs, plan.assign);
         own.map((0x1c13, 0x1a00), &plan.inputs, plan.assign);
+        for (index, entries) in [(0x1c32, &plan.outputs), (0x1c33, &plan.inputs)] {
+            if !entries.is_empty() {
+                // Synchronisation: its type and its cycle.
+                own.add(index, 0, &[2], false);
+                own.add(index, 1, &1u16.to_le_bytes(), true);
+                own.add(index, 2, &[0; 4], true);
+            }
+        }
         if plan.drive.is_some() {
             own.add(words::ERROR_CODE, 0, &[0; 2], false);
             own.add(words::CONTROLWORD, 0, &[0; 2], true);
@@ -123,8 +131,11 @@ impl Dictionary {
 
     /// Answers a message of the master; `maps`: the mapping may be written now.
     pub(crate) fn answer(&mut self, message: &[u8], count: u8, maps: bool) -> Option<Vec<u8>> {
-        let request = Request::read(message)?;
         let mut out = vec![0; message.len()];
+        let Some(request) = Request::read(message) else {
+            let answer = Answer::to_unknown(message)?;
+            return answer.write(count, &mut out).map(|_| out);
+        };
         let room = message.len().saturating_sub(coe::SHORTEST_MESSAGE);
         let length = match request {
             Request::Upload(object) => self.begin_upload(object, room, (count, &mut out)),
@@ -135,6 +146,9 @@ impl Dictionary {
                     Err(code) => Answer::Aborted(object, code),
                 };
                 answer.write(count, &mut out)
+            }
+            Request::Complete(object) => {
+                Answer::Aborted(object, coe::NO_ACCESS).write(count, &mut out)
             }
             Request::DownloadSegment(..) => {
                 let object = Object { index: 0, sub: 0 };

@@ -8,8 +8,10 @@ mod device;
 mod dictionary;
 mod fault;
 mod line;
+mod mailbox;
 mod plant;
 mod servo;
+mod units;
 
 use thiserror::Error;
 
@@ -136,8 +138,10 @@ impl SimulatedBus {
             self.feel(false);
             return passage;
         }
-        // An ESC marks a frame that it has seen.
-        if let Some(byte) = frame.get_mut(6) {
+        // An ESC marks a frame that it has processed, and passes on all others unchanged.
+        if datagrams(frame).is_ok()
+            && let Some(byte) = frame.get_mut(6)
+        {
             *byte |= 0x02;
         }
         let mut number = 0;

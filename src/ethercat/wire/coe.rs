@@ -28,6 +28,12 @@ const DOWNLOAD_ANSWER: u8 = 3;
 const SIZED: u8 = 1;
 const EXPEDITED: u8 = 2;
 const TOGGLE: u8 = 0x10;
+/// Bit of a request that begins a transfer of all subindices at once.
+const COMPLETE: u8 = 0x10;
+/// Command of a mailbox error, and its codes (ETG.1000.6, mailbox error reply).
+const ERROR_COMMAND: u16 = 1;
+const NO_PROTOCOL: u16 = 2;
+const NO_SERVICE: u16 = 4;
 
 /// An object of a dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +49,8 @@ pub(crate) enum Request<'m> {
     Upload(Object),
     /// Write an object.
     Download(Object, &'m [u8]),
+    /// Read or write an object with all its subindices.
+    Complete(Object),
     /// The next part of an object that is read; the bit alternates.
     UploadSegment(bool),
     /// The next part of an object that is written, which is the last if the second flag is set.
@@ -156,6 +164,10 @@ impl<'m> Request<'m> {
                 let head = sdo(DOWNLOAD << 5 | SIZED, object, size);
                 write(out, count, REQUEST, [&head, data])
             }
+            Self::Complete(object) => {
+                let command = UPLOAD << 5 | COMPLETE;
+                write(out, count, REQUEST, [&sdo(command, object, [0; 4]), &[]])
+            }
             Self::UploadSegment(toggle) => {
                 let command = UPLOAD_SEGMENT << 5 | if toggle { TOGGLE } else { 0 };
                 write(out, count, REQUEST, [&[command, 0, 0, 0, 0, 0, 0, 0], &[]])
@@ -183,6 +195,7 @@ impl<'m> Request<'m> {
                 let data = segment_data(sdo)?;
                 Some(Self::DownloadSegment(toggle, command & 1 != 0, data))
             }
+            DOWNLOAD | UPLOAD if command & COMPLETE != 0 => Some(Self::Complete(object(sdo))),
             DOWNLOAD => Some(Self::Download(object(sdo), object_data(sdo)?.0)),
             UPLOAD => Some(Self::Upload(object(sdo))),
             UPLOAD_SEGMENT => Some(Self::UploadSegment(toggle)),
@@ -303,13 +316,30 @@ impl<'m> Answer<'m> {
                 let [low, high] = code.to_le_bytes();
                 write(out, count, EMERGENCY, [&[low, high, 0, 0, 0, 0, 0, 0], &[]])
             }
-            Self::Refused(_) | Self::Other => None,
+            Self::Refused(code) => {
+                let out = out.first_chunk_mut::<{ MAILBOX + 4 }>()?;
+                let ([a, b], [c, d]) = (ERROR_COMMAND.to_le_bytes(), code.to_le_bytes());
+                *out = [4, 0, 0, 0, 0, TYPE_ERROR | (count & 7) << 4, a, b, c, d];
+                Some(out.len())
+            }
+            Self::Other => None,
+        }
+    }
+
+    /// The mailbox error with which a device answers a message that [`Request::read`] does not know; none if it expects no answer.
+    pub(crate) fn to_unknown(bytes: &[u8]) -> Option<Self> {
+        let (kind, content) = message(bytes)?;
+        match (kind, le16(content, 0) >> 12) {
+            (TYPE_ERROR, _) | (TYPE_COE, REQUEST) => None,
+            (TYPE_COE, _) => Some(Self::Refused(NO_SERVICE)),
+            _ => Some(Self::Refused(NO_PROTOCOL)),
         }
     }
 }
 
 /// Codes of an abort.
 pub(crate) const TOGGLE_WRONG: u32 = 0x0503_0000;
+pub(crate) const NO_ACCESS: u32 = 0x0601_0000;
 pub(crate) const NOT_READABLE: u32 = 0x0601_0001;
 pub(crate) const NOT_WRITABLE: u32 = 0x0601_0002;
 pub(crate) const NO_OBJECT: u32 = 0x0602_0000;
@@ -326,7 +356,7 @@ pub(crate) const fn abort_text(code: u32) -> &'static str {
         TOGGLE_WRONG => "a part of the object was repeated or left out",
         0x0504_0000 => "the device took too long",
         0x0504_0001 => "it does not know this command",
-        0x0601_0000 => "it does not support this access",
+        NO_ACCESS => "it does not support this access",
         NOT_READABLE => "the object cannot be read",
         NOT_WRITABLE => "the object cannot be written",
         NO_OBJECT => "it has no such object",
@@ -387,6 +417,7 @@ mod tests {
             Request::Download(AT, &[1]),
             Request::Download(AT, &[1, 2, 3, 4]),
             Request::Download(AT, &long),
+            Request::Complete(AT),
             Request::UploadSegment(true),
             Request::DownloadSegment(false, true, &[1, 2, 3]),
             Request::DownloadSegment(true, false, &long),
@@ -405,6 +436,7 @@ mod tests {
             Answer::SegmentTaken(true),
             Answer::Aborted(AT, NO_OBJECT),
             Answer::Emergency(0x3220),
+            Answer::Refused(NO_SERVICE),
         ] {
             let length = answer.write(5, &mut out).unwrap();
             assert_eq!(Answer::read(&out[..length]), Some(answer));
@@ -412,6 +444,29 @@ mod tests {
                 assert_eq!(Answer::read(&out[..cut]), None, "{answer:?} {cut}");
             }
         }
+    }
+
+    #[test]
+    fn unknown_messages_get_a_mailbox_error() {
+        // SDO information, then EoE, an abort of the master, and an error.
+        let mut bytes = [8, 0, 0, 0, 0, 0x13, 0, 0x80, 1, 0, 0, 0, 0, 0];
+        assert_eq!(Request::read(&bytes), None);
+        assert_eq!(
+            Answer::to_unknown(&bytes),
+            Some(Answer::Refused(NO_SERVICE))
+        );
+        let mut out = [0; 16];
+        let length = Answer::Refused(NO_SERVICE).write(1, &mut out).unwrap();
+        assert_eq!(out[..length], [4, 0, 0, 0, 0, 0x10, 1, 0, 4, 0]);
+        bytes[5] = 0x12;
+        assert_eq!(
+            Answer::to_unknown(&bytes),
+            Some(Answer::Refused(NO_PROTOCOL))
+        );
+        (bytes[5], bytes[7], bytes[8]) = (0x13, 0x20, 0x80);
+        assert_eq!(Answer::to_unknown(&bytes), None);
+        bytes[5] = 0x10;
+        assert_eq!(Answer::to_unknown(&bytes), None);
     }
 
     proptest! {
@@ -422,7 +477,7 @@ mod tests {
                 bytes[0] = (bytes.len() - 6) as u8;
                 bytes[1] = 0;
                 bytes[5] = 0x13;
-                bytes[7] = bytes[7] % 4 << 4;
+                bytes[7] = (bytes[7] % 4) << 4;
             }
             let _ = (Request::read(&bytes), Answer::read(&bytes));
         }

@@ -123,7 +123,7 @@ pub const fn cause(code: u16) -> &'static str {
         0x0030 => {
             "it refuses the settings of its clock: it wants distributed clocks and another cycle"
         }
-        0x0031 | 0x0032 | 0x0033 => "its clock does not lock to the bus clock",
+        0x0031..=0x0033 => "its clock does not lock to the bus clock",
         0x0034 => "it does not support this cycle: use another rate",
         0x0035 => "the cycle of its clock is not valid: use another rate",
         0x0036 => "the cycle of SYNC0 is not valid: use another rate",
