@@ -276,6 +276,11 @@ impl Bus {
         self.tally.sent.plus(self.plan.period_ns * part / whole)
     }
 
+    /// Until when the inputs of this tick are awaited on simulated time: the loop takes them by then.
+    pub(crate) fn tick_ends(&self) -> Nanos {
+        self.tally.sent.plus(self.plan.period_ns / 8 * 7)
+    }
+
     /// Takes the inputs of this tick; true if the exchange was complete. Real-time: yes.
     pub(crate) fn receive(&mut self, deadline: Nanos) -> bool {
         if self.tally.outcome != Outcome::Broken

@@ -309,7 +309,11 @@ impl BusPort {
             held.stage = Stage::Sent;
         }
         if held.stage == Stage::Sent {
-            let deadline = held.bus.on_machine(deadline);
+            let deadline = if self.shared.is_on_simulated_time() {
+                held.bus.tick_ends()
+            } else {
+                held.bus.on_machine(deadline)
+            };
             let mut is_valid = held.bus.receive(deadline);
             if let (true, Some(after)) = (is_valid, held.bus.plan().sample_after_ns) {
                 let at = held.bus.sent().plus(after);

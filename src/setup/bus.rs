@@ -187,7 +187,7 @@ pub(super) fn on_bus(
         has_clock: bus.clock == BusClock::Follow,
     };
     if site.bus.is_none() {
-        site.bus = Some(draft(site.loaded, &link.address, bus));
+        site.bus = Some(draft(site, &link.address, bus));
     }
     let Some(draft) = &site.bus else {
         return Err(Refused);
@@ -215,7 +215,8 @@ pub(super) const fn is_simulated(loaded: &Loaded) -> bool {
     matches!(loaded.time.clock, ClockChoice::Simulated)
 }
 
-fn draft(loaded: &Loaded, name: &str, bus: &BusTable) -> Draft {
+fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
+    let (loaded, faults) = (site.loaded, site.bus_faults.clone());
     let plan = bus_plan(loaded, name, bus);
     let tables = loaded.file.specimen.iter();
     let specimens = tables.filter(|table| table.bus.is_some()).count();
@@ -225,7 +226,7 @@ fn draft(loaded: &Loaded, name: &str, bus: &BusTable) -> Draft {
         let (plants, plan) = (Arc::clone(&plants), plan.clone());
         let open = move || -> Result<Box<dyn Line>, BusError> {
             let plants = plants.lock().map(|mut all| std::mem::take(&mut *all));
-            let bus = SimulatedBus::new(&plan, plants.unwrap_or_default(), Vec::new());
+            let bus = SimulatedBus::new(&plan, plants.unwrap_or_default(), faults);
             let bus =
                 bus.map_err(|error: SimulationError| BusError::Simulation(error.to_string()))?;
             let bus = Arc::new(Mutex::new(bus));

@@ -183,6 +183,21 @@ pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prep
     build_as(loaded, None, Some(dial))
 }
 
+/// Builds the experiment on the simulated clock with the faults of a script on its bus.
+///
+/// # Errors
+/// As [`build`].
+#[cfg(all(any(test, feature = "test-doubles"), feature = "ethercat"))]
+pub fn build_with_bus_faults(
+    loaded: &Loaded,
+    faults: Vec<gusset_ethercat::simulated::Fault>,
+) -> Result<Prepared, ConfigError> {
+    site::build(loaded, None, None, |site| {
+        site.bus_faults = faults;
+        assemble(site)
+    })
+}
+
 fn build_as<'a>(
     loaded: &'a Loaded,
     trial: Option<&'a Trial>,

@@ -27,6 +27,9 @@ pub(super) struct Site<'a> {
     /// The bus of the specimens so far.
     #[cfg(feature = "ethercat")]
     pub bus: Option<super::bus::Draft>,
+    /// Faults of the devices that are simulated in this process.
+    #[cfg(feature = "ethercat")]
+    pub bus_faults: Vec<gusset_ethercat::simulated::Fault>,
     /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
     pub trial: Option<&'a Trial>,
 }
@@ -54,6 +57,8 @@ pub(super) fn build<'a, T>(
         doubts: Vec::new(),
         #[cfg(feature = "ethercat")]
         bus: None,
+        #[cfg(feature = "ethercat")]
+        bus_faults: Vec::new(),
         trial,
     };
     make(&mut site).map_err(|Refused| loaded.refuse(std::mem::take(&mut site.errors)))

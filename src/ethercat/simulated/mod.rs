@@ -126,7 +126,9 @@ impl SimulatedBus {
         });
         let in_op = self.devices.iter().all(|one| one.state == AlState::Op);
         let tick = (is_exchange && in_op).then_some(self.ticks);
-        let passage = self.play(tick);
+        // A frame between two exchanges belongs to the tick of the first.
+        let begun = (in_op && !is_exchange).then(|| self.ticks.checked_sub(1));
+        let passage = self.play(tick.or(begun.flatten()), tick.is_some() || !in_op);
         self.frames += 1;
         if tick.is_some() {
             self.ticks += 1;
@@ -240,14 +242,14 @@ impl SimulatedBus {
         }
     }
 
-    /// Plays the faults of this frame.
-    fn play(&mut self, tick: Option<u64>) -> Passage {
+    /// Plays the faults of this frame, which may be the first of its tick.
+    fn play(&mut self, tick: Option<u64>, is_new: bool) -> Passage {
         let mut passage = Passage::Returns;
         self.frozen.fill(false);
         self.silent.fill(false);
         let (mut interlock, mut sensors) = (true, true);
         for fault in &self.faults {
-            let begins = fault.begins(self.frames, tick);
+            let begins = is_new && fault.begins(self.frames, tick);
             let ends_cut = matches!(fault.what, FaultKind::Cut { .. })
                 && self.reach < self.devices.len()
                 && !fault.is_on(self.frames, tick);
