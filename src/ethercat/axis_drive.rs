@@ -48,6 +48,15 @@ enum Wanted {
     QuickStop,
 }
 
+/// Whether a drive has followed its target since it was enabled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Torque {
+    NotYet,
+    Follows,
+    /// It stopped to follow on its own. It is not enabled again.
+    Lost,
+}
+
 /// One drive.
 #[derive(Debug)]
 pub(crate) struct Drive {
@@ -57,10 +66,13 @@ pub(crate) struct Drive {
     status: Place,
     target: Place,
     actual: Place,
+    /// Mode of operation and its display, if they are process data.
+    mode: Option<[Place; 2]>,
     counts_per_unit: f64,
     /// Largest change of the step from tick to tick, in counts.
     brake: f64,
     wanted: Wanted,
+    torque: Torque,
     state: DriveState,
     /// Target in counts, and what it last moved by in a tick.
     counts: f64,
@@ -82,6 +94,11 @@ impl Drive {
         };
         let output = |index| find(&plan.outputs, outputs, index);
         let input = |index| find(&plan.inputs, inputs, index);
+        let mode = match (output(words::MODE), input(words::MODE_DISPLAY)) {
+            (Some(mode), Some(display)) => Some([mode, display]),
+            (Some(_), None) => return Err(missing("6061 (mode display), but 6060 (mode)")),
+            (None, _) => None,
+        };
         Ok(Self {
             device,
             control: output(words::CONTROLWORD).ok_or_else(|| missing("6040 (controlword)"))?,
@@ -90,9 +107,11 @@ impl Drive {
             status: input(words::STATUSWORD).ok_or_else(|| missing("6041 (statusword)"))?,
             actual: input(words::ACTUAL_POSITION)
                 .ok_or_else(|| missing("6064 (actual position)"))?,
+            mode,
             counts_per_unit: drive.counts_per_unit,
             brake: drive.accel * drive.counts_per_unit.abs() * period_s * period_s,
             wanted: Wanted::NoTorque,
+            torque: Torque::NotYet,
             state: DriveState::NotReady,
             counts: 0.0,
             step: 0.0,
@@ -127,8 +146,11 @@ impl Drive {
         (disp * self.counts_per_unit, self.brake.max(2.0))
     }
 
-    /// Takes a command; true if it is beyond the type of the target. Real-time: yes.
+    /// Takes a command, unless the axis was brought to rest; true if it is beyond the type of the target. Real-time: yes.
     pub(crate) fn aim(&mut self, disp: f64) -> bool {
+        if self.has_rested {
+            return false;
+        }
         let counts = disp * self.counts_per_unit;
         let (low, high) = self.target.kind.range();
         let limited = counts.clamp(low, high);
@@ -140,6 +162,8 @@ impl Drive {
 
     pub(crate) const fn enable(&mut self) {
         self.wanted = Wanted::Operation;
+        self.torque = Torque::NotYet;
+        self.has_rested = false;
     }
 
     pub(crate) const fn quick_stop(&mut self) {
@@ -157,16 +181,23 @@ impl Drive {
 
     /// Writes its outputs before an exchange. Real-time: yes.
     pub(crate) fn prepare(&mut self, image: &mut [u8]) {
-        let word = match self.wanted {
-            Wanted::NoTorque => words::DISABLE_VOLTAGE,
-            Wanted::Operation => words::towards_operation(self.state),
-            Wanted::QuickStop => words::QUICK_STOP,
-        };
-        self.control.write(f64::from(word), image);
         let has_torque = matches!(
             self.state,
             DriveState::OperationEnabled | DriveState::QuickStopActive
         );
+        let word = match self.wanted {
+            Wanted::NoTorque => words::DISABLE_VOLTAGE,
+            // Torque that is left stays: an axis under load must not fall.
+            Wanted::Operation if self.torque == Torque::Lost && has_torque => words::QUICK_STOP,
+            Wanted::Operation if self.torque == Torque::Lost => words::DISABLE_VOLTAGE,
+            Wanted::Operation if !self.is_in_mode(image) => words::SHUTDOWN,
+            Wanted::Operation => words::towards_operation(self.state),
+            Wanted::QuickStop => words::QUICK_STOP,
+        };
+        self.control.write(f64::from(word), image);
+        if let Some([mode, _]) = self.mode {
+            mode.write(words::CYCLIC_POSITION.into(), image);
+        }
         if !has_torque {
             (self.counts, self.step) = (self.actual.read(image), 0.0);
         } else if !std::mem::take(&mut self.is_told) && self.moves() {
@@ -184,5 +215,19 @@ impl Drive {
     /// Reads its inputs after a valid exchange. Real-time: yes.
     pub(crate) fn read(&mut self, image: &[u8]) {
         self.state = DriveState::of(self.status.read(image) as u16);
+        if self.wanted == Wanted::Operation {
+            let follows = self.state == DriveState::OperationEnabled && self.is_in_mode(image);
+            self.torque = match self.torque {
+                Torque::Follows if !follows => Torque::Lost,
+                Torque::NotYet if follows => Torque::Follows,
+                same => same,
+            };
+        }
+    }
+
+    /// True if the drive shows cyclic synchronous position as its mode, or shows none.
+    fn is_in_mode(&self, image: &[u8]) -> bool {
+        let display = self.mode.map(|[_, display]| display.read(image));
+        display.is_none_or(|mode| mode == f64::from(words::CYCLIC_POSITION))
     }
 }

@@ -9,7 +9,7 @@ use crate::error::BusError;
 use crate::line::Line;
 use crate::plan::{BusPlan, DevicePlan, DrivePlan, TimeSource};
 use crate::request::{Requests, Station};
-use crate::wire::coe::Object;
+use crate::wire::coe::{NO_OBJECT, Object};
 use crate::wire::datagram::{Service, at, position};
 use crate::wire::drive;
 use crate::wire::register as reg;
@@ -22,9 +22,11 @@ const FIRST_STATION: u16 = 0x1001;
 /// Control bytes of a sync manager that the EEPROM does not give.
 const OUTPUT_CONTROL: u8 = 0x64;
 const INPUT_CONTROL: u8 = 0x20;
-/// Unit of the watchdog: the divider in units of 40 ns, less two.
-const WATCHDOG_DIVIDER: u16 = 2498;
-const WATCHDOG_UNIT_NS: u64 = 100_000;
+/// Bit of the control byte by which a sync manager triggers the watchdog, and the kind of a sync manager of outputs.
+const WATCHED: u8 = 0x40;
+const OUTPUT_KIND: u8 = 3;
+/// Units of the watchdog in ns, each with its divider in units of 40 ns, less two. The first that can express the time is taken.
+const WATCHDOG_UNITS: [(u64, u16); 2] = [(100_000, 2498), (1_000_000, 24_998)];
 /// First word of the text by which a simulated device tells itself apart.
 pub(crate) const SIMULATED: &str = "simulated ";
 /// First quick-stop option (605A) after which the drive keeps its torque.
@@ -57,12 +59,15 @@ fn enumerate(requests: &mut Requests<'_>) -> Result<u16, BusError> {
     requests.write_all(reg::AL_CONTROL, &init)?;
     // No unit, manager or clock of an earlier master is left.
     requests.write_all(reg::DC_ACTIVATION, &[0, 0])?;
-    requests.write_all(reg::FMMU, &[0; 64])?;
-    requests.write_all(reg::SYNC_MANAGER, &[0; 32])?;
     for index in 0..count {
-        let address = (FIRST_STATION + index).to_le_bytes();
-        let mut data = address;
+        let mut data = (FIRST_STATION + index).to_le_bytes();
         requests.ask(Service::Apwr, at(position(index), reg::STATION), &mut data)?;
+        let station = Station::new(&format!("{}", index + 1), FIRST_STATION + index);
+        let [units, managers] = requests.read(&station, reg::COUNTS)?;
+        let zeros = |count: u8, size: u16| vec![0; usize::from(count.min(16)) * usize::from(size)];
+        requests.write(&station, reg::FMMU, &zeros(units, reg::FMMU_SIZE))?;
+        let managers = zeros(managers, reg::SYNC_MANAGER_SIZE);
+        requests.write(&station, reg::SYNC_MANAGER, &managers)?;
     }
     Ok(count)
 }
@@ -74,7 +79,7 @@ fn open_mailbox(
     sii: &Sii,
 ) -> Result<(), BusError> {
     let mailboxes = [sii.receive, sii.send];
-    if !sii.coe || mailboxes.iter().any(|(_, length)| *length == 0) {
+    if mailboxes.iter().any(|(_, length)| *length == 0) {
         return Ok(());
     }
     for (index, ((start, length), control)) in (0u16..).zip(mailboxes.into_iter().zip([0x26, 0x22]))
@@ -87,7 +92,8 @@ fn open_mailbox(
         };
         set_manager(requests, station, index, manager)?;
     }
-    station.mailbox = Some(mailboxes);
+    // Without CoE the mailbox is still needed for PRE-OP.
+    station.mailbox = sii.coe.then_some(mailboxes);
     Ok(())
 }
 
@@ -183,7 +189,7 @@ const OUTPUTS: Direction = Direction {
     assignment: 0x1c12,
     pdo: 0x1600,
     manager: 2,
-    kind: 3,
+    kind: OUTPUT_KIND,
     control: OUTPUT_CONTROL,
 };
 
@@ -204,7 +210,15 @@ fn mapping(
 ) -> Result<Vec<(Object, u8)>, BusError> {
     let mut all = Vec::new();
     let object = |index, sub| Object { index, sub };
-    let [pdos] = requests.upload_exact(station, object(direction.assignment, 0))?;
+    let pdos = match requests.upload_exact(station, object(direction.assignment, 0)) {
+        Ok([pdos]) => pdos,
+        // A device that maps nothing in this direction may leave the object out.
+        Err(BusError::Object {
+            abort: Some(NO_OBJECT),
+            ..
+        }) => 0,
+        Err(error) => return Err(error),
+    };
     for number in 1..=pdos {
         let pdo = requests.upload_exact(station, object(direction.assignment, number))?;
         let pdo = u16::from_le_bytes(pdo);
@@ -224,8 +238,8 @@ fn mapped(
     station: &mut Station,
     direction: Direction,
 ) -> Result<Vec<Entry>, BusError> {
-    let entries = mapping(requests, station, direction)?;
-    let text = |(object, bits): &(Object, u8)| {
+    let entries = in_bytes(&mapping(requests, station, direction)?);
+    let text = |(object, bits): &(Object, u32)| {
         let kind = match bits {
             8 => "u8",
             16 if object.sub > 1 => "i16",
@@ -242,8 +256,46 @@ fn mapped(
         device: station.name.clone(),
         index: object.index,
         sub: object.sub,
-        why: format!("it maps {bits} bits; only whole bytes are supported"),
+        abort: None,
+        why: format!("it maps {bits} bits; 8, 16, 32 and 64 are supported"),
     })
+}
+
+/// The same with single bits put together: those that follow each other are one entry, named by the first of them.
+fn in_bytes(entries: &[(Object, u8)]) -> Vec<(Object, u32)> {
+    let mut all: Vec<(Object, u32)> = Vec::new();
+    let mut is_open = false;
+    for (object, bits) in entries {
+        let is_whole = bits % 8 == 0;
+        match all.last_mut() {
+            Some((_, sum)) if is_open && (sum.wrapping_rem(8) != 0 || !is_whole) => {
+                *sum += u32::from(*bits);
+            }
+            _ => all.push((*object, u32::from(*bits))),
+        }
+        is_open = is_open && all.last().is_some_and(|(_, sum)| sum % 8 != 0) || !is_whole;
+    }
+    all
+}
+
+/// True if the entries of the test file cover those of the device: each begins where the device has the object, and ends with an
+/// entry of the device. An entry may cover several, for instance the single bits of a state.
+fn covers(wanted: &[Entry], found: &[(Object, u8)]) -> bool {
+    let mut rest = found.iter();
+    let each = wanted.iter().all(|entry| {
+        let Some((first, bits)) = rest.next() else {
+            return false;
+        };
+        let mut missing = 8 * entry.kind.bytes() as i64 - i64::from(*bits);
+        while missing > 0 {
+            let Some((_, bits)) = rest.next() else {
+                return false;
+            };
+            missing -= i64::from(*bits);
+        }
+        missing == 0 && (first.index, first.sub) == (entry.index, entry.sub)
+    });
+    each && rest.next().is_none()
 }
 
 /// Compares the mapping with the test file, or writes it.
@@ -257,19 +309,17 @@ fn map(
         return assign_mapping(requests, station, direction, entries);
     }
     let found = mapping(requests, station, direction)?;
-    let wanted: Vec<(Object, u8)> = entries
-        .iter()
-        .map(|entry| {
-            let object = Object {
-                index: entry.index,
-                sub: entry.sub,
-            };
-            (object, 8 * entry.kind.bytes() as u8)
-        })
-        .collect();
-    if found == wanted {
+    if covers(entries, &found) {
         return Ok(());
     }
+    let wanted = entries.iter().map(|entry| {
+        let object = Object {
+            index: entry.index,
+            sub: entry.sub,
+        };
+        (object, 8 * entry.kind.bytes() as u8)
+    });
+    let wanted: Vec<(Object, u8)> = wanted.collect();
     let in_words = |entries: &[(Object, u8)]| {
         let each = entries.iter().map(|(object, bits)| {
             format!("{:04x}:{:02x} of {bits} bits", object.index, object.sub)
@@ -299,8 +349,15 @@ fn assign_mapping(
     let Direction {
         assignment, pdo, ..
     } = direction;
-    requests.download(station, object(assignment, 0), &[0])?;
-    if entries.is_empty() {
+    let count = u8::try_from(entries.len()).unwrap_or(u8::MAX);
+    match requests.download(station, object(assignment, 0), &[0]) {
+        Err(BusError::Object {
+            abort: Some(NO_OBJECT),
+            ..
+        }) if count == 0 => return Ok(()),
+        outcome => outcome?,
+    }
+    if count == 0 {
         return Ok(());
     }
     requests.download(station, object(pdo, 0), &[0])?;
@@ -309,7 +366,7 @@ fn assign_mapping(
         let word = [8 * entry.kind.bytes() as u8, entry.sub, low, high];
         requests.download(station, object(pdo, number), &word)?;
     }
-    requests.download(station, object(pdo, 0), &[entries.len() as u8])?;
+    requests.download(station, object(pdo, 0), &[count])?;
     requests.download(station, object(assignment, 1), &pdo.to_le_bytes())?;
     requests.download(station, object(assignment, 0), &[1])
 }
@@ -381,10 +438,15 @@ fn prepare_drive(
         &[exponent as u8],
     )?;
     let [kept] = requests.upload_exact(station, object(drive::INTERPOLATION_TIME, 1))?;
-    if kept != units {
+    let [power] = requests.upload_exact(station, object(drive::INTERPOLATION_TIME, 2))?;
+    if (kept, power as i8) != (units, exponent) {
+        let power = power as i8;
+        let why = format!(
+            "its interpolation time 60C2 is {kept}·10^{power} s, but {units}·10^{exponent} s was written"
+        );
         return Err(BusError::Drive {
             device: station.name.clone(),
-            why: format!("its interpolation time 60C2 is {kept}, but {units} was written"),
+            why,
         });
     }
     let mode = drive::CYCLIC_POSITION as u8;
@@ -438,11 +500,18 @@ pub fn bring_up(
         open_mailbox(&mut requests, &mut device.station, &device.sii)?;
     }
     to_state(&mut requests, &known, AlState::PreOp)?;
-    for device in &mut known {
+    for (index, device) in known.iter_mut().enumerate() {
         let Known {
-            plan: own, station, ..
+            plan: own,
+            station,
+            sii,
         } = device;
         if station.mailbox.is_some() {
+            for (sub, place) in [(1, &mut sii.vendor), (2, &mut sii.code)] {
+                let number = requests.upload_exact(station, Object { index: 0x1018, sub })?;
+                *place = u32::from_le_bytes(number);
+            }
+            identify(index + 1, own, sii)?;
             set_up(&mut requests, station, &own.setup)?;
             map(&mut requests, station, OUTPUTS, (&own.outputs, own.assign))?;
             map(&mut requests, station, INPUTS, (&own.inputs, own.assign))?;
@@ -452,6 +521,7 @@ pub fn bring_up(
                 device: own.name.clone(),
                 index: entry.index,
                 sub: entry.sub,
+                abort: None,
                 why: "it has no mailbox, so that nothing can be set: remove `setup`".to_owned(),
             });
         }
@@ -467,7 +537,7 @@ pub fn bring_up(
     to_state(&mut requests, &known, AlState::SafeOp)?;
     for device in &mut known {
         if device.plan.drive.is_some() {
-            check_mode(&mut requests, &mut device.station)?;
+            check_drive(&mut requests, device)?;
         }
     }
     let simulated = known
@@ -476,12 +546,26 @@ pub fn bring_up(
     Bus::new(line, plan, source, (members, reference, simulated)).map(Box::new)
 }
 
-fn check_mode(requests: &mut Requests<'_>, station: &mut Station) -> Result<(), BusError> {
-    let mode = Object {
-        index: drive::MODE_DISPLAY,
-        sub: 0,
-    };
-    let [found] = requests.upload_exact(station, mode)?;
+/// A drive in SAFE-OP has no fault, and the mode that was written. A mode in the process data is written in OP only.
+fn check_drive(requests: &mut Requests<'_>, device: &mut Known<'_>) -> Result<(), BusError> {
+    let station = &mut device.station;
+    let object = |index| Object { index, sub: 0 };
+    let status = requests.upload_exact(station, object(drive::STATUSWORD))?;
+    if drive::DriveState::of(u16::from_le_bytes(status)).is_fault() {
+        let code = requests.upload_exact(station, object(drive::ERROR_CODE))?;
+        let code = u16::from_le_bytes(code);
+        return Err(BusError::Drive {
+            device: station.name.clone(),
+            why: format!(
+                "it has the fault {code:#06x} (603F): remove its cause, then `gusset bus reset`"
+            ),
+        });
+    }
+    let is_mapped = |entry: &Entry| entry.index == drive::MODE;
+    if device.plan.outputs.iter().any(is_mapped) {
+        return Ok(());
+    }
+    let [found] = requests.upload_exact(station, object(drive::MODE_DISPLAY))?;
     if found as i8 == drive::CYCLIC_POSITION {
         return Ok(());
     }
@@ -553,16 +637,21 @@ fn process_data(
         let each = [(OUTPUTS, &member.outputs, 2u8), (INPUTS, &member.inputs, 1)];
         for (unit, (direction, range, kind)) in (0u16..).zip(each) {
             let bytes = range.len() as u16;
-            let Some((index, manager)) = manager(sii, station, direction, bytes) else {
-                if bytes == 0 {
-                    continue;
+            let found = manager(sii, station, direction, bytes);
+            let own_bytes = found.map_or(0, |(_, _, bytes)| bytes);
+            // A device without objects says its length in its EEPROM only.
+            let differs = station.mailbox.is_none() && own_bytes > 0 && own_bytes != bytes;
+            let (index, manager) = match found {
+                Some((index, manager, _)) if !differs => (index, manager),
+                None if bytes == 0 => continue,
+                _ => {
+                    return Err(BusError::Mapping {
+                        device: own.name.clone(),
+                        direction: direction.key,
+                        found: format!("{own_bytes} bytes"),
+                        wanted: format!("{bytes} bytes"),
+                    });
                 }
-                return Err(BusError::Mapping {
-                    device: own.name.clone(),
-                    direction: direction.key,
-                    found: "none".to_owned(),
-                    wanted: format!("{bytes} bytes"),
-                });
             };
             set_manager(requests, station, index, manager)?;
             if bytes > 0 {
@@ -588,13 +677,13 @@ fn process_data(
     Ok(members)
 }
 
-/// The sync manager of a direction, with its number.
+/// The sync manager of a direction, with its number, and the length that the EEPROM gives it.
 fn manager(
     sii: &Sii,
     station: &Station,
     direction: Direction,
     length: u16,
-) -> Option<(u16, Manager)> {
+) -> Option<(u16, Manager, u16)> {
     let mut all = (0u16..).zip(&sii.managers);
     let known = all.find(|(_, manager)| manager.kind == direction.kind);
     let usual = || {
@@ -603,16 +692,18 @@ fn manager(
         (found.kind == 0 && station.mailbox.is_some()).then_some((index, found))
     };
     let (index, found) = known.or_else(usual)?;
-    let control = match found.control {
-        0 => direction.control,
-        control => control,
+    let control = match (found.control, direction.kind) {
+        (0, _) => direction.control,
+        // Outputs always trigger the watchdog.
+        (control, OUTPUT_KIND) => control | WATCHED,
+        (control, _) => control,
     };
     let manager = Manager {
         length,
         control,
         ..*found
     };
-    Some((index, manager))
+    Some((index, manager, found.length))
 }
 
 /// Sets the watchdog of the process data, and reads it back.
@@ -621,14 +712,17 @@ fn set_watchdog(
     station: &Station,
     watchdog_ns: u64,
 ) -> Result<(), BusError> {
-    let units = u16::try_from(watchdog_ns.div_ceil(WATCHDOG_UNIT_NS)).unwrap_or(u16::MAX);
-    let divider = WATCHDOG_DIVIDER.to_le_bytes();
-    requests.write(station, reg::WATCHDOG_DIVIDER, &divider)?;
+    let mut units = WATCHDOG_UNITS.into_iter().filter_map(|(unit, divider)| {
+        let units = u16::try_from(watchdog_ns.div_ceil(unit)).ok()?;
+        Some((units, divider))
+    });
+    let (units, wanted) = units.next().unwrap_or((u16::MAX, WATCHDOG_UNITS[1].1));
+    requests.write(station, reg::WATCHDOG_DIVIDER, &wanted.to_le_bytes())?;
     requests.write(station, reg::WATCHDOG_DATA, &units.to_le_bytes())?;
     let divider = u16::from_le_bytes(requests.read(station, reg::WATCHDOG_DIVIDER)?);
     let found = u16::from_le_bytes(requests.read(station, reg::WATCHDOG_DATA)?);
     let micros = |divider: u16, units: u16| (u64::from(divider) + 2) * 40 * u64::from(units) / 1000;
-    let (found_us, wanted_us) = (micros(divider, found), micros(WATCHDOG_DIVIDER, units));
+    let (found_us, wanted_us) = (micros(divider, found), micros(wanted, units));
     if found_us == wanted_us && found_us > 0 {
         return Ok(());
     }
@@ -692,12 +786,63 @@ pub fn reset_faults(
             reset.push(device.name.clone());
         }
     }
+    requests.write_all(reg::AL_CONTROL, &[AlState::Init as u8 | reg::AL_ERROR, 0])?;
     Ok(reset)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A terminal of two channels: a state of single bits and a gap, then a value.
+    fn terminal() -> Vec<(Object, u8)> {
+        let object = |index, sub| Object { index, sub };
+        let bits = [
+            (1, 1),
+            (2, 1),
+            (3, 2),
+            (5, 2),
+            (7, 1),
+            (0, 7),
+            (15, 1),
+            (16, 1),
+        ];
+        let mut all = Vec::new();
+        for channel in [0x6000, 0x6010] {
+            all.extend(bits.map(|(sub, bits)| (object(channel, sub), bits)));
+            all.push((object(channel, 0x11), 16));
+        }
+        all
+    }
+
+    #[test]
+    fn single_bits_are_one_entry() {
+        let entries = |texts: &[&str]| -> Vec<Entry> {
+            texts.iter().map(|text| text.parse().unwrap()).collect()
+        };
+        let words = [
+            "6000:01 u16 state",
+            "6000:11 i16",
+            "6010:01 u16",
+            "6010:11 i16",
+        ];
+        assert!(covers(&entries(&words), &terminal()));
+        for (at, other) in [
+            (0, "6000:01 u8"),
+            (0, "6000:02 u16"),
+            (1, "6000:11 i32"),
+            (3, "6010:12 i16"),
+        ] {
+            let mut words = words;
+            words[at] = other;
+            assert!(!covers(&entries(&words), &terminal()), "{other}");
+        }
+        assert!(!covers(&entries(&words[..3]), &terminal()));
+        assert!(!covers(&entries(&words), &terminal()[..17]));
+        let sizes = in_bytes(&terminal());
+        let sizes: Vec<_> = sizes.iter().map(|(o, bits)| (o.sub, *bits)).collect();
+        assert_eq!(sizes, [(1, 16), (0x11, 16), (1, 16), (0x11, 16)]);
+    }
 
     #[test]
     fn a_period_becomes_an_interpolation_time() {

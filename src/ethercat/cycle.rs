@@ -26,6 +26,9 @@ const PATIENCE_NS: u64 = 5_000_000_000;
 /// Of the period, how long a reply is awaited at most.
 const REPLY_SHARE: (u64, u64) = (3, 4);
 
+/// Most bytes of process data: the frame has to hold the clock and two states besides.
+const MOST_BYTES: usize = 1400;
+
 /// One device and its part of the image.
 #[derive(Debug)]
 pub(crate) struct Member {
@@ -101,9 +104,12 @@ impl Bus {
         source: [u8; 6],
         (members, reference, is_simulated): (Vec<Member>, Option<u16>, bool),
     ) -> Result<Self, BusError> {
-        let length = members
-            .iter()
-            .map(|one| one.outputs.len() + one.inputs.len());
+        let length = members.last().map_or(0, |one| one.inputs.end);
+        if length > MOST_BYTES {
+            let found = length;
+            let allowed = MOST_BYTES;
+            return Err(BusError::Size { found, allowed });
+        }
         let period_s = plan.period_ns as f64 * 1e-9;
         let each = plan.devices.iter().zip(&members).enumerate();
         let drives = each.filter_map(|(index, (device, member))| {
@@ -112,7 +118,7 @@ impl Bus {
             Some(Drive::new((index, device, drive), starts, period_s))
         });
         Ok(Self {
-            image: vec![0; length.sum()],
+            image: vec![0; length],
             drives: drives.collect::<Result<_, _>>()?,
             tally: Tally {
                 index: 0,
@@ -221,7 +227,12 @@ impl Bus {
         tally.index = tally.index.wrapping_add(1);
         tally.asked = (tally.asked + 1) % self.members.len().max(1);
         tally.outcome = Outcome::Silent;
-        let asked = self.members.get(tally.asked).map_or(0, |one| one.station);
+        if tally.stale > 0 {
+            // Something is wrong: all are asked, from the first on, as far as the frame has room.
+            tally.asked = 0;
+        }
+        let stations = self.members.iter().map(|one| one.station);
+        let most = if tally.stale > 0 { usize::MAX } else { 1 };
         let mut writer = FrameWriter::new(&mut self.out, self.source);
         let index = tally.index;
         // The bring-up has made sure that all of it fits.
@@ -230,12 +241,18 @@ impl Bus {
             let _ = writer.reserve((Service::Frmw, index), at(reference, reg::DC_TIME), 8);
         }
         let _ = writer.reserve((Service::Brd, index), at(0, reg::AL_STATUS), 1);
-        let _ = writer.reserve((Service::Fprd, index), at(asked, reg::AL_STATUS), 6);
+        for station in stations.skip(tally.asked).take(most) {
+            let address = at(station, reg::AL_STATUS);
+            if writer.reserve((Service::Fprd, index), address, 6).is_err() {
+                break;
+            }
+        }
         let length = writer.finish();
         tally.sent = self.line.now();
-        if let Err(fault) = self.line.send(self.out.get(..length).unwrap_or_default()) {
-            tally.outcome = Outcome::Broken;
-            tally.line_fault = Some(fault);
+        match self.line.send(self.out.get(..length).unwrap_or_default()) {
+            // The frame has not left, and nothing comes back: the tick is stale.
+            Ok(()) | Err(LineFault::Full) => {}
+            Err(fault) => self.breaks(fault),
         }
     }
 
@@ -289,11 +306,11 @@ impl Bus {
             self.judge(length);
         }
         let is_valid = self.tally.outcome == Outcome::Valid;
-        self.tally.stale = if is_valid {
-            0
-        } else {
-            self.tally.stale.saturating_add(1)
-        };
+        if !is_valid {
+            self.tally.stale = self.tally.stale.saturating_add(1);
+        } else if self.plan.sample_after_ns.is_none() {
+            self.tally.stale = 0;
+        }
         is_valid
     }
 
@@ -312,28 +329,27 @@ impl Bus {
             Some(_) => next(Service::Frmw),
             None => None,
         };
-        let (states, asked) = (next(Service::Brd), next(Service::Fprd));
-        let (Some(image), Some(states)) = (image, states) else {
+        let (Some(image), Some(states)) = (image, next(Service::Brd)) else {
             self.tally.outcome = Outcome::Incomplete;
             return;
         };
         let tally = &mut self.tally;
+        for device in tally.asked.. {
+            let Some(asked) = next(Service::Fprd) else {
+                break;
+            };
+            let own = asked.bytes(frame).first_chunk::<6>();
+            let own = own.copied().unwrap_or_default();
+            let answers = asked.counter(frame) == 1;
+            if !(answers && own[0] == tally.wanted as u8) && tally.culprit.is_none() {
+                let found = if answers { own[0] } else { 0 };
+                tally.culprit = Some((device, found, u16::from_le_bytes([own[4], own[5]])));
+            }
+        }
         let status = states.bytes(frame).first().copied().unwrap_or_default();
         tally.states = status;
         let all_wanted = status == tally.wanted as u8
             && usize::from(states.counter(frame)) == self.members.len();
-        if let Some(asked) = asked {
-            let own = asked
-                .bytes(frame)
-                .first_chunk::<6>()
-                .copied()
-                .unwrap_or_default();
-            let is_right = asked.counter(frame) == 1 && own[0] == tally.wanted as u8;
-            if !is_right && tally.culprit.is_none() {
-                let found = if asked.counter(frame) == 1 { own[0] } else { 0 };
-                tally.culprit = Some((tally.asked, found, u16::from_le_bytes([own[4], own[5]])));
-            }
-        }
         let counter = self.members.iter().fold(0u16, |sum, member| {
             sum + u16::from(!member.inputs.is_empty()) + 2 * u16::from(!member.outputs.is_empty())
         });
@@ -343,7 +359,8 @@ impl Bus {
         {
             follower.read(u64::from_le_bytes(*bytes), tally.sent);
         }
-        if !all_wanted || image.counter(frame) != counter {
+        let is_whole = image.data.len() == self.image.len();
+        if !all_wanted || !is_whole || image.counter(frame) != counter {
             tally.outcome = Outcome::Incomplete;
             return;
         }
@@ -373,9 +390,12 @@ impl Bus {
         let mut writer = FrameWriter::new(&mut self.out, self.source);
         let _ = writer.reserve((Service::Lrd, self.tally.index), start as u32, length);
         let bytes = writer.finish();
-        if let Err(fault) = self.line.send(self.out.get(..bytes).unwrap_or_default()) {
-            self.breaks(fault);
-            return false;
+        match self.line.send(self.out.get(..bytes).unwrap_or_default()) {
+            Ok(()) | Err(LineFault::Full) => {}
+            Err(fault) => {
+                self.breaks(fault);
+                return false;
+            }
         }
         let with_inputs = self
             .members
@@ -388,8 +408,13 @@ impl Bus {
         let frame = self.back.get(..bytes).unwrap_or_default();
         let first = datagrams(frame).ok().and_then(|mut all| all.next());
         match first {
-            Some(Ok(one)) if usize::from(one.counter(frame)) == with_inputs => {
+            Some(Ok(one))
+                if usize::from(one.counter(frame)) == with_inputs && one.data.len() == length =>
+            {
                 self.take_inputs(one.data);
+                if self.tally.outcome == Outcome::Valid {
+                    self.tally.stale = 0;
+                }
                 true
             }
             _ => self.misses_sample(Outcome::Incomplete),
@@ -397,10 +422,11 @@ impl Bus {
     }
 
     fn misses_sample(&mut self, outcome: Outcome) -> bool {
-        if self.tally.outcome != Outcome::Broken {
+        // A tick is stale once.
+        if self.tally.outcome == Outcome::Valid {
             self.tally.outcome = outcome;
+            self.tally.stale = self.tally.stale.saturating_add(1);
         }
-        self.tally.stale = self.tally.stale.saturating_add(1);
         false
     }
 
@@ -408,7 +434,11 @@ impl Bus {
     pub(crate) fn exchange(&mut self) -> bool {
         self.send();
         let deadline = self.reply_ends();
-        self.receive(deadline)
+        let is_valid = self.receive(deadline);
+        if is_valid {
+            self.tally.stale = 0;
+        }
+        is_valid
     }
 
     /// The next moment at which an exchange is due, on the clock of this machine: the bus clock has its phase there.

@@ -75,6 +75,8 @@ pub enum BusError {
         index: u16,
         /// Subindex.
         sub: u8,
+        /// Its abort code, if it gave one.
+        abort: Option<u32>,
         /// What it says.
         why: String,
     },
@@ -92,6 +94,14 @@ pub enum BusError {
         found: String,
         /// Those of the test file.
         wanted: String,
+    },
+    /// The process data do not fit into one frame.
+    #[error("the devices have {found} bytes of process data together; at most {allowed} are allowed")]
+    Size {
+        /// Bytes of all devices.
+        found: usize,
+        /// Bytes that fit.
+        allowed: usize,
     },
     /// A watchdog is not what was asked for.
     #[error(

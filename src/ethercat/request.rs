@@ -56,6 +56,7 @@ impl Station {
             device: self.name.clone(),
             index: object.index,
             sub: object.sub,
+            abort: None,
             why: why.into(),
         }
     }
@@ -107,7 +108,9 @@ impl<'l> Requests<'l> {
                     continue;
                 };
                 let bytes = reply.bytes(frame);
-                if reply.index == self.index && bytes.len() == data.len() {
+                // A late reply to an earlier request may have the same number.
+                let is_same = (reply.service, reply.address >> 16) == (service as u8, address >> 16);
+                if reply.index == self.index && is_same && bytes.len() == data.len() {
                     data.copy_from_slice(bytes);
                     return Ok(reply.counter(frame));
                 }
@@ -340,9 +343,17 @@ impl<'l> Requests<'l> {
             let message = self.mailbox(station, send)?;
             match Answer::read(&message) {
                 Some(Answer::Aborted(_, code)) => {
-                    let why = format!("{} (abort code {code:#010x})", abort_text(code));
-                    return Err(station.refuses(object, why));
+                    return Err(BusError::Object {
+                        device: station.name.clone(),
+                        index: object.index,
+                        sub: object.sub,
+                        abort: Some(code),
+                        why: format!("{} (abort code {code:#010x})", abort_text(code)),
+                    });
                 }
+                // An answer to an earlier request came late.
+                Some(Answer::Uploaded(other, ..) | Answer::Downloaded(other))
+                    if other != object => {}
                 Some(Answer::Refused(code)) => {
                     let why = format!("its mailbox reports the error {code:#06x}");
                     return Err(station.refuses(object, why));

@@ -94,16 +94,15 @@ pub(crate) const SWITCH_ON: u16 = 0x07;
 pub(crate) const ENABLE_OPERATION: u16 = 0x0f;
 pub(crate) const FAULT_RESET: u16 = 0x80;
 
-/// The controlword that brings a drive a step nearer to operation. A fault stays: only the operator resets it.
+/// The controlword that brings a drive a step nearer to operation. A fault stays: only the operator resets it. A drive that made a
+/// quick stop keeps its torque.
 pub(crate) const fn towards_operation(state: DriveState) -> u16 {
     match state {
         DriveState::SwitchOnDisabled => SHUTDOWN,
         DriveState::ReadyToSwitchOn => SWITCH_ON,
         DriveState::SwitchedOn | DriveState::OperationEnabled => ENABLE_OPERATION,
-        DriveState::NotReady
-        | DriveState::QuickStopActive
-        | DriveState::FaultReaction
-        | DriveState::Fault => DISABLE_VOLTAGE,
+        DriveState::QuickStopActive => QUICK_STOP,
+        DriveState::NotReady | DriveState::FaultReaction | DriveState::Fault => DISABLE_VOLTAGE,
     }
 }
 
@@ -132,15 +131,9 @@ mod tests {
 
     #[test]
     fn a_fault_is_never_reset_by_itself() {
-        for state in [
-            DriveState::Fault,
-            DriveState::FaultReaction,
-            DriveState::QuickStopActive,
-        ] {
-            assert_eq!(
-                towards_operation(state) & (FAULT_RESET | ENABLE_OPERATION),
-                0
-            );
+        for state in [DriveState::Fault, DriveState::FaultReaction] {
+            assert_eq!(towards_operation(state), DISABLE_VOLTAGE);
         }
+        assert_eq!(towards_operation(DriveState::QuickStopActive), QUICK_STOP);
     }
 }

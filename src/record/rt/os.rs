@@ -379,6 +379,8 @@ pub(crate) struct InterfaceFacts {
     pub is_up: bool,
     pub is_ethernet: bool,
     pub is_wireless: bool,
+    /// Largest content of a frame in bytes.
+    pub mtu: i32,
 }
 
 /// Facts about the interface of this name.
@@ -390,17 +392,20 @@ pub(crate) fn interface_facts(name: &str) -> Result<InterfaceFacts, Errno> {
     const WIRELESS_NAME: u32 = 0x8b01;
     let flags = ask_interface(name, libc::SIOCGIFFLAGS as u32, |_| {})?;
     let address = ask_interface(name, libc::SIOCGIFHWADDR as u32, |_| {})?;
-    // SAFETY: the kernel has filled this member of the union in answer to this question.
-    let (flags, family) = unsafe {
+    let mtu = ask_interface(name, libc::SIOCGIFMTU as u32, |_| {})?;
+    // SAFETY: the kernel has filled these members of the unions in answer to these questions.
+    let (flags, family, mtu) = unsafe {
         (
             i32::from(flags.ifr_ifru.ifru_flags),
             address.ifr_ifru.ifru_hwaddr.sa_family,
+            mtu.ifr_ifru.ifru_mtu,
         )
     };
     Ok(InterfaceFacts {
         is_up: flags & libc::IFF_UP != 0,
         is_ethernet: family == libc::ARPHRD_ETHER,
         is_wireless: ask_interface(name, WIRELESS_NAME, |_| {}).is_ok(),
+        mtu,
     })
 }
 
@@ -412,27 +417,19 @@ pub(crate) fn interface_facts(name: &str) -> Result<InterfaceFacts, Errno> {
 pub(crate) fn packet_socket(name: &str, ether_type: u16) -> Result<OwnedFd, Errno> {
     // PACKET_IGNORE_OUTGOING of linux/if_packet.h.
     const IGNORE_OUTGOING: i32 = 23;
-    let protocol = ether_type.to_be();
+    // Without a protocol it receives nothing until it is bound: no frames of other interfaces.
     let socket = rustix::net::socket_with(
         rustix::net::AddressFamily::PACKET,
         rustix::net::SocketType::RAW,
         rustix::net::SocketFlags::NONBLOCK | rustix::net::SocketFlags::CLOEXEC,
-        std::num::NonZeroU32::new(protocol.into()).map(rustix::net::Protocol::from_raw),
+        None,
     )?;
     let index = rustix::net::netdevice::name_to_index(&socket, name)?;
     // SAFETY: sockaddr_ll is a plain struct of integers, for which all bits zero is a value.
     let mut address: libc::sockaddr_ll = unsafe { std::mem::zeroed() };
     address.sll_family = libc::AF_PACKET as u16;
-    address.sll_protocol = protocol;
+    address.sll_protocol = ether_type.to_be();
     address.sll_ifindex = i32::try_from(index).map_err(|_| Errno::NODEV)?;
-    // SAFETY: the socket is open; `address` is alive and initialised for the length of the call and only read.
-    let bound = unsafe {
-        libc::bind(
-            socket.as_raw_fd(),
-            std::ptr::from_ref(&address).cast(),
-            size_of::<libc::sockaddr_ll>() as libc::socklen_t,
-        )
-    };
     let on: i32 = 1;
     // SAFETY: the socket is open; `on` is alive and initialised for the length of the call and only read.
     let ignores = unsafe {
@@ -444,7 +441,18 @@ pub(crate) fn packet_socket(name: &str, ether_type: u16) -> Result<OwnedFd, Errn
             size_of::<i32>() as libc::socklen_t,
         )
     };
-    if bound == 0 && ignores == 0 {
+    if ignores != 0 {
+        return Err(last_error());
+    }
+    // SAFETY: the socket is open; `address` is alive and initialised for the length of the call and only read.
+    let bound = unsafe {
+        libc::bind(
+            socket.as_raw_fd(),
+            std::ptr::from_ref(&address).cast(),
+            size_of::<libc::sockaddr_ll>() as libc::socklen_t,
+        )
+    };
+    if bound == 0 {
         Ok(socket)
     } else {
         Err(last_error())

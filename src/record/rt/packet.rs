@@ -5,7 +5,8 @@ use std::os::fd::OwnedFd;
 use gusset_quantity::time::Nanos;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{
-    AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketType, bind, recv, send, socket,
+    AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType, bind, recv, send,
+    socket_with,
 };
 use thiserror::Error;
 
@@ -14,6 +15,8 @@ use super::os::Errno;
 
 /// Ethernet type of EtherCAT.
 const ETHER_TYPE: u16 = 0x88a4;
+/// Content of the longest Ethernet frame.
+const LEAST_MTU: i32 = 1500;
 /// A frame is waited for in a loop this long before the thread sleeps, and from this long before the deadline on.
 const SPIN_NS: u64 = 60_000;
 
@@ -39,6 +42,9 @@ pub enum PacketError {
     /// It is no wired Ethernet interface.
     #[error("`{0}` is no wired Ethernet interface: an EtherCAT bus needs a cable")]
     NotWired(String),
+    /// Its frames are too short for the process data of a bus.
+    #[error("the network interface `{0}` carries {1} bytes a frame, 1500 are needed: ip link set {0} mtu 1500")]
+    ShortFrames(String, i32),
     /// Another process of this program uses it.
     #[error("another process of gusset uses the bus at `{0}`: end it first")]
     InUse(String),
@@ -85,6 +91,9 @@ impl PacketSocket {
         }
         if !facts.is_up {
             return Err(PacketError::Down(own()));
+        }
+        if facts.mtu < LEAST_MTU {
+            return Err(PacketError::ShortFrames(own(), facts.mtu));
         }
         let claim = claim(name).map_err(|error| match error {
             Errno::ADDRINUSE => PacketError::InUse(own()),
@@ -142,7 +151,9 @@ impl PacketSocket {
 
 /// A name that one process of a network namespace can have.
 fn claim(name: &str) -> Result<OwnedFd, Errno> {
-    let claim = socket(AddressFamily::UNIX, SocketType::DGRAM, None)?;
+    // A program that this process starts must not inherit the claim.
+    let flags = SocketFlags::CLOEXEC;
+    let claim = socket_with(AddressFamily::UNIX, SocketType::DGRAM, flags, None)?;
     let address = SocketAddrUnix::new_abstract_name(format!("gusset-bus-{name}").as_bytes())?;
     bind(&claim, &address)?;
     Ok(claim)
