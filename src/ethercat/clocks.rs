@@ -16,13 +16,16 @@ const FILTER: [u8; 2] = [0x00, 0x10];
 /// Ports in the order in which a frame passes them.
 const ORDER: [usize; 4] = [0, 3, 1, 2];
 
-/// One device with a clock: when a frame passed its ports.
+/// When a frame passed the ports of a device.
 #[derive(Debug, Clone)]
 struct Times {
     /// Arrival at the open ports, in the order of the frame.
     arrivals: Vec<u32>,
+    has_clock: bool,
     /// Ports behind the first to which a device is still to be joined, as an index of `arrivals`.
     next: usize,
+    /// Nearest device before it that has a clock, and the port by which it is reached, as an index of its `arrivals`.
+    anchor: Option<(usize, usize)>,
     /// From the reference to its first port in ns.
     delay: u32,
 }
@@ -42,8 +45,12 @@ pub(crate) fn start(
     for Known { station, .. } in known {
         let features = u16::from_le_bytes(requests.read(station, reg::FEATURES)?);
         let status = u16::from_le_bytes(requests.read(station, reg::DL_STATUS)?);
-        let ports: [u8; 16] = requests.read(station, reg::DC_RECEIVE)?;
         let has_clock = features & reg::HAS_CLOCK != 0;
+        // A device without a clock may have no such registers.
+        let ports: [u8; 16] = match has_clock {
+            true => requests.read(station, reg::DC_RECEIVE)?,
+            false => [0; 16],
+        };
         let one = joined(&mut times, arrivals(&ports, status), has_clock);
         let delay = one.delay;
         times.push(one);
@@ -51,7 +58,13 @@ pub(crate) fn start(
             continue;
         }
         let local = u64::from_le_bytes(requests.read(station, reg::DC_LOCAL_RECEIVE)?);
-        let (_, first) = *reference.get_or_insert((station.address, local));
+        // The time of the bus needs 64 bits: 32 bits begin anew every 4.3 s.
+        if features & reg::HAS_LONG_CLOCK != 0 {
+            reference.get_or_insert((station.address, local));
+        }
+        let Some((_, first)) = reference else {
+            continue;
+        };
         // All clocks show that of the reference at the moment when the frame passed.
         let offset = first.wrapping_add(delay.into()).wrapping_sub(local);
         requests.write(station, reg::DC_OFFSET, &offset.to_le_bytes())?;
@@ -88,9 +101,9 @@ pub(crate) fn start(
     Ok(reference)
 }
 
-/// Arrivals at the open ports in the order of the frame. Bits 4 to 7 of the DL status say which ports have a link.
+/// Arrivals at the open ports in the order of the frame. Bits 9, 11, 13 and 15 of the DL status say which ports communicate.
 fn arrivals(ports: &[u8; 16], status: u16) -> Vec<u32> {
-    let open = |port: &usize| status & 1 << (4 + port) != 0;
+    let open = |port: &usize| status & 1 << (9 + 2 * port) != 0;
     let time = |port: usize| {
         let four = ports.get(4 * port..).and_then(|rest| rest.first_chunk());
         four.map_or(0, |four| u32::from_le_bytes(*four))
@@ -100,31 +113,38 @@ fn arrivals(ports: &[u8; 16], status: u16) -> Vec<u32> {
 
 /// Joins a device to the latest one before it that has an open port left, and finds its delay.
 fn joined(before: &mut [Times], arrivals: Vec<u32>, has_clock: bool) -> Times {
-    let next = 1;
     let mut one = Times {
         arrivals,
-        next,
+        has_clock,
+        next: 1,
+        anchor: None,
         delay: 0,
     };
-    let has_room = |device: &&mut Times| device.next < device.arrivals.len();
-    let Some(parent) = before.iter_mut().rev().find(has_room) else {
+    let has_room = |(_, device): &(usize, &mut Times)| device.next < device.arrivals.len();
+    let Some((index, parent)) = before.iter_mut().enumerate().rev().find(has_room) else {
+        return one;
+    };
+    one.anchor = match parent.has_clock {
+        true => Some((index, parent.next)),
+        false => parent.anchor,
+    };
+    parent.next += 1;
+    let Some((parent, port)) = one.anchor.filter(|_| has_clock) else {
+        return one;
+    };
+    let Some(parent) = before.get(parent) else {
         return one;
     };
     let at = |index: usize| parent.arrivals.get(index).copied().unwrap_or_default();
-    // The frame left the parent when it arrived at the port before, and came back at this one.
-    let (left, back) = (at(parent.next - 1), at(parent.next));
+    // The frame left the parent when it arrived at the port before, and came back at this one. Devices without a clock between the
+    // two count as cable.
+    let (left, back) = (at(port.saturating_sub(1)), at(port));
     let branch = back.wrapping_sub(left);
     let first = one.arrivals.first().copied().unwrap_or_default();
     let last = one.arrivals.last().copied().unwrap_or_default();
-    let own = if has_clock {
-        last.wrapping_sub(first)
-    } else {
-        0
-    };
-    let way = branch.wrapping_sub(own) / 2;
+    let way = branch.wrapping_sub(last.wrapping_sub(first)) / 2;
     let since = left.wrapping_sub(at(0));
     one.delay = parent.delay.wrapping_add(since).wrapping_add(way);
-    parent.next += 1;
     one
 }
 
@@ -132,10 +152,12 @@ fn joined(before: &mut [Times], arrivals: Vec<u32>, has_clock: bool) -> Times {
 mod tests {
     use super::*;
 
+    /// A device whose arrivals are all zero has no clock.
     fn delays(devices: &[&[u32]]) -> Vec<u32> {
         let mut all: Vec<Times> = Vec::new();
         for arrivals in devices {
-            let one = joined(&mut all, arrivals.to_vec(), true);
+            let has_clock = arrivals.iter().any(|at| *at != 0);
+            let one = joined(&mut all, arrivals.to_vec(), has_clock);
             all.push(one);
         }
         all.iter().map(|one| one.delay).collect()
@@ -155,11 +177,19 @@ mod tests {
     }
 
     #[test]
+    fn a_device_without_a_clock_is_cable() {
+        // 300 ns to the first terminal, 200 ns on to the second, which has no clock, and 400 ns on to the last.
+        let found = delays(&[&[1000, 2800], &[50, 1250], &[0, 0], &[7]]);
+        assert_eq!(found, [0, 300, 0, 900]);
+        assert_eq!(delays(&[&[0, 0], &[5, 905], &[7]]), [0, 0, 450]);
+    }
+
+    #[test]
     fn closed_ports_have_no_arrival() {
         let mut ports = [0; 16];
         ports[4] = 9;
         ports[8] = 7;
-        assert_eq!(arrivals(&ports, 0x30), [0, 9]);
-        assert_eq!(arrivals(&ports, 0x10), [0]);
+        assert_eq!(arrivals(&ports, 0x5a30), [0, 9]);
+        assert_eq!(arrivals(&ports, 0x5630), [0]);
     }
 }

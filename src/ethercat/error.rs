@@ -96,7 +96,9 @@ pub enum BusError {
         wanted: String,
     },
     /// The process data do not fit into one frame.
-    #[error("the devices have {found} bytes of process data together; at most {allowed} are allowed")]
+    #[error(
+        "the devices have {found} bytes of process data together; at most {allowed} are allowed"
+    )]
     Size {
         /// Bytes of all devices.
         found: usize,

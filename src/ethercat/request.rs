@@ -109,7 +109,8 @@ impl<'l> Requests<'l> {
                 };
                 let bytes = reply.bytes(frame);
                 // A late reply to an earlier request may have the same number.
-                let is_same = (reply.service, reply.address >> 16) == (service as u8, address >> 16);
+                let is_same =
+                    (reply.service, reply.address >> 16) == (service as u8, address >> 16);
                 if reply.index == self.index && is_same && bytes.len() == data.len() {
                     data.copy_from_slice(bytes);
                     return Ok(reply.counter(frame));

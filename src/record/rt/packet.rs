@@ -43,7 +43,9 @@ pub enum PacketError {
     #[error("`{0}` is no wired Ethernet interface: an EtherCAT bus needs a cable")]
     NotWired(String),
     /// Its frames are too short for the process data of a bus.
-    #[error("the network interface `{0}` carries {1} bytes a frame, 1500 are needed: ip link set {0} mtu 1500")]
+    #[error(
+        "the network interface `{0}` carries {1} bytes a frame, 1500 are needed: ip link set {0} mtu 1500"
+    )]
     ShortFrames(String, i32),
     /// Another process of this program uses it.
     #[error("another process of gusset uses the bus at `{0}`: end it first")]
