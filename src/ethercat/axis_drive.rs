@@ -231,3 +231,83 @@ impl Drive {
         display.is_none_or(|mode| mode == f64::from(words::CYCLIC_POSITION))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A drive with these further inputs, and its image: 10 bytes of outputs, then its inputs.
+    fn drive(outputs: &[&str], inputs: &[&str]) -> Result<(Drive, Vec<u8>), BusError> {
+        let entries = |texts: &[&str]| texts.iter().map(|text| text.parse().unwrap()).collect();
+        let own = DrivePlan {
+            counts_per_unit: 1000.0,
+            accel: 1.0,
+            following_counts: None,
+            accepts_free_stop: false,
+        };
+        let plan = DevicePlan {
+            name: "axis".to_owned(),
+            vendor: 1,
+            code: 1,
+            revision: None,
+            outputs: entries(outputs),
+            inputs: entries(inputs),
+            assign: false,
+            setup: Vec::new(),
+            drive: None,
+        };
+        Drive::new((0, &plan, &own), [0, 10], 0.001).map(|drive| (drive, vec![0; 20]))
+    }
+
+    /// The controlword after the drive has shown this state and these two bytes behind its position.
+    fn word(drive: &mut Drive, image: &mut [u8], state: DriveState, more: u8) -> u16 {
+        image[10..12].copy_from_slice(&state.bits().to_le_bytes());
+        image[16] = more;
+        drive.read(image);
+        drive.prepare(image);
+        u16::from_le_bytes([image[0], image[1]])
+    }
+
+    const OUTPUTS: [&str; 3] = ["6040:00 u16", "607a:00 i32", "6060:00 i8"];
+    const INPUTS: [&str; 3] = ["6041:00 u16", "6064:00 i32", "6061:00 i8"];
+
+    #[test]
+    fn lost_torque_does_not_come_back() {
+        use DriveState as S;
+        let (mut own, mut image) = drive(&OUTPUTS[..2], &INPUTS[..2]).unwrap();
+        own.enable();
+        for (state, wanted) in [
+            (S::SwitchOnDisabled, words::SHUTDOWN),
+            (S::ReadyToSwitchOn, words::SWITCH_ON),
+            (S::SwitchedOn, words::ENABLE_OPERATION),
+            (S::OperationEnabled, words::ENABLE_OPERATION),
+            (S::QuickStopActive, words::QUICK_STOP),
+            (S::OperationEnabled, words::QUICK_STOP),
+            (S::SwitchOnDisabled, words::DISABLE_VOLTAGE),
+            (S::ReadyToSwitchOn, words::DISABLE_VOLTAGE),
+        ] {
+            assert_eq!(word(&mut own, &mut image, state, 0), wanted, "{state:?}");
+        }
+        assert!(own.is_wanted());
+        own.enable();
+        let again = word(&mut own, &mut image, S::SwitchOnDisabled, 0);
+        assert_eq!(again, words::SHUTDOWN);
+    }
+
+    #[test]
+    fn a_mapped_mode_is_written_and_awaited() {
+        use DriveState as S;
+        let (mut own, mut image) = drive(&OUTPUTS, &INPUTS).unwrap();
+        own.enable();
+        let ready = S::ReadyToSwitchOn;
+        assert_eq!(word(&mut own, &mut image, ready, 0), words::SHUTDOWN);
+        assert_eq!(image[6], 8);
+        assert_eq!(word(&mut own, &mut image, ready, 8), words::SWITCH_ON);
+        let enabled = word(&mut own, &mut image, S::OperationEnabled, 8);
+        assert_eq!(enabled, words::ENABLE_OPERATION);
+        let other = word(&mut own, &mut image, S::OperationEnabled, 1);
+        assert_eq!(other, words::QUICK_STOP);
+        let without = drive(&OUTPUTS, &INPUTS[..2]);
+        assert!(matches!(without, Err(BusError::Drive { .. })));
+    }
+}

@@ -341,7 +341,9 @@ impl Bus {
             let own = asked.bytes(frame).first_chunk::<6>();
             let own = own.copied().unwrap_or_default();
             let answers = asked.counter(frame) == 1;
-            if !(answers && own[0] == tally.wanted as u8) && tally.culprit.is_none() {
+            let is_right = answers && own[0] == tally.wanted as u8;
+            // The first of several is the one to look at.
+            if !is_right && tally.culprit.is_none_or(|(known, ..)| device < known) {
                 let found = if answers { own[0] } else { 0 };
                 tally.culprit = Some((device, found, u16::from_le_bytes([own[4], own[5]])));
             }

@@ -353,6 +353,104 @@ fn a_lost_state_is_found_with_its_code() {
     );
 }
 
+/// Every device is named before three stale ticks trip the test.
+#[test]
+fn the_culprit_is_found_in_three_ticks() {
+    for (fault, wanted) in [
+        ("cut = { device = \"coupler\" }", ("load cell", 0)),
+        ("cut = { device = \"servo\" }", ("axis 1", 0)),
+        (
+            "al_error = { device = \"load cell\", code = 0x1a }",
+            ("load cell", 0x1a),
+        ),
+        (
+            "al_error = { device = \"axis 1\", code = 0x2c }",
+            ("axis 1", 0x2c),
+        ),
+    ] {
+        for first in 5..9 {
+            let (_, mut bus) = in_op(&format!(
+                "[[fault]]\nwhat = {{ {fault} }}\nat_tick = {first}\nlasts = 99"
+            ));
+            let ticks = (0..20).take_while(|_| {
+                tick(&mut bus);
+                bus.trouble().2 < 3
+            });
+            assert!(ticks.count() < 19);
+            let found = match bus.complaint() {
+                Some(BusError::State { device, code, .. }) => (device, code),
+                Some(BusError::Silent { device, .. }) => (device, 0),
+                other => panic!("{fault}: {other:?}"),
+            };
+            assert_eq!((found.0.as_str(), found.1), wanted, "{first}");
+        }
+    }
+}
+
+/// Frames of the second reading of the inputs are lost, or others have no room.
+struct Lossy(SimulatedLine, u8, bool);
+
+impl crate::line::Line for Lossy {
+    fn now(&self) -> Nanos {
+        self.0.now()
+    }
+    fn wait_until(&mut self, at: Nanos) {
+        self.0.wait_until(at);
+    }
+    fn send(&mut self, frame: &[u8]) -> Result<(), crate::line::LineFault> {
+        if frame.get(16) != Some(&self.1) {
+            return self.0.send(frame);
+        }
+        match self.2 {
+            true => Err(crate::line::LineFault::Full),
+            false => Ok(()),
+        }
+    }
+    fn receive(
+        &mut self,
+        buffer: &mut [u8],
+        deadline: Nanos,
+    ) -> Result<Option<usize>, crate::line::LineFault> {
+        self.0.receive(buffer, deadline)
+    }
+}
+
+#[test]
+fn a_tick_without_its_sample_is_stale() {
+    let mut sampled = plan();
+    sampled.sample_after_ns = Some(500_000);
+    let (_, line) = simulated(&sampled, "");
+    let line = Lossy(line, Service::Lrd as u8, false);
+    let mut bus = bring_up(Box::new(line), sampled, SOURCE).unwrap();
+    for stale in 1..6 {
+        bus.wait_until(bus.next_edge());
+        bus.send();
+        assert!(bus.receive(Nanos(u64::MAX)));
+        assert!(!bus.sample(bus.now().plus(1000)));
+        assert_eq!(bus.trouble(), (false, false, stale));
+    }
+}
+
+#[test]
+fn a_full_interface_is_stale_and_not_lost() {
+    let (_, line) = simulated(&plan(), "");
+    let line = Lossy(line, Service::Lrw as u8, true);
+    let mut bus = bring_up(Box::new(line), plan(), SOURCE).unwrap();
+    assert!(!tick(&mut bus));
+    assert_eq!(bus.trouble(), (false, false, 1));
+}
+
+#[test]
+fn a_drive_with_a_fault_is_refused() {
+    let fault =
+        "[[fault]]\nwhat = { drive_fault = { device = \"axis 1\", code = 0x3220 } }\nat_frame = 9";
+    let error = up(fault).unwrap_err();
+    let BusError::Drive { device, why } = error else {
+        panic!("{error}")
+    };
+    assert!(device == "axis 1" && why.contains("0x3220"), "{why}");
+}
+
 #[test]
 fn a_foreign_master_breaks_the_line() {
     let (_, mut bus) = in_op("[[fault]]\nwhat = \"foreign\"\nat_tick = 5");
