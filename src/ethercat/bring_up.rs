@@ -500,18 +500,11 @@ pub fn bring_up(
         open_mailbox(&mut requests, &mut device.station, &device.sii)?;
     }
     to_state(&mut requests, &known, AlState::PreOp)?;
-    for (index, device) in known.iter_mut().enumerate() {
+    for device in &mut known {
         let Known {
-            plan: own,
-            station,
-            sii,
+            plan: own, station, ..
         } = device;
         if station.mailbox.is_some() {
-            for (sub, place) in [(1, &mut sii.vendor), (2, &mut sii.code)] {
-                let number = requests.upload_exact(station, Object { index: 0x1018, sub })?;
-                *place = u32::from_le_bytes(number);
-            }
-            identify(index + 1, own, sii)?;
             set_up(&mut requests, station, &own.setup)?;
             map(&mut requests, station, OUTPUTS, (&own.outputs, own.assign))?;
             map(&mut requests, station, INPUTS, (&own.inputs, own.assign))?;
