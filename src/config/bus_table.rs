@@ -1,9 +1,14 @@
 //! `[bus.NAME]`: an EtherCAT bus and its devices.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use gusset_wire::process_data::{Entry, SetupWrite};
+
+/// The buses of a file by their names.
+pub(crate) type Buses = BTreeMap<String, BusTable>;
 
 /// EtherCAT bus at a network interface of this computer, with its devices. It was never tried on
 /// hardware.
@@ -94,7 +99,7 @@ pub enum Acceptance {
     TorqueOff,
 }
 
-/// Identity of a device, as its identity object has it.
+/// Identity of a device: the values of its identity object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProductTable {

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
 use super::bus_spec::{BusSample, BusSpec, is_not_written};
+use super::bus_table::Buses;
 use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
 use super::link_table::{LinkSpec, Protocol};
@@ -327,6 +328,16 @@ impl SpecimenTable {
         let coupled = || Some(("coupled", SpecimenLaw::Coupled(self.coupled.clone()?)));
         let bearing = || Some(("bearing", SpecimenLaw::Bearing(self.bearing.clone()?)));
         law.or_else(laws).or_else(coupled).or_else(bearing)
+    }
+}
+
+/// Gives each specimen on a bus its link, unless the user wrote one.
+pub(crate) fn link_specimens(buses: &Buses, specimens: &mut [SpecimenTable]) {
+    for table in specimens {
+        if let Some(spec) = &table.bus {
+            let link = || spec.link(buses.get(&spec.bus));
+            table.link.get_or_insert_with(link);
+        }
     }
 }
 

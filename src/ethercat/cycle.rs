@@ -404,8 +404,16 @@ impl Bus {
         false
     }
 
-    /// One whole exchange beside the loop.
-    pub(crate) fn exchange(&mut self) -> bool {
+    /// Brings all devices to OP with the outputs as they are.
+    ///
+    /// # Errors
+    /// A device refuses.
+    pub fn to_op(&mut self) -> Result<(), BusError> {
+        self.go_to(AlState::Op, &mut || true)
+    }
+
+    /// One whole exchange beside the loop; true if it was complete.
+    pub fn exchange(&mut self) -> bool {
         self.send();
         let deadline = self.reply_ends();
         self.receive(deadline)

@@ -164,6 +164,16 @@ fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
     }
 }
 
+/// True if an output of this device commands an axis of this specimen.
+fn carries_command(bus: &BusTable, spec: &BusSpec, device: &DeviceTable) -> bool {
+    let mut commands = spec.axis.iter().filter_map(|axis| axis.command.as_ref());
+    commands.any(|command| {
+        let place = bus.place(Flow::Outputs, &command.at);
+        let found = place.and_then(|(number, _)| bus.device.get(number));
+        found.is_some_and(|found| found.name == device.name)
+    })
+}
+
 /// A specimen on its bus, and how it is waited for. `plant` is what a simulated bus moves.
 pub(super) fn on_bus(
     site: &mut Site<'_>,
@@ -180,6 +190,23 @@ pub(super) fn on_bus(
         let text = "an entry of this specimen is not on its bus";
         return site.refuse(Finding::error(at.key("bus").key("axis"), text));
     };
+    for device in bus
+        .device
+        .iter()
+        .filter(|one| carries_command(bus, spec, one))
+    {
+        if device.setup.is_empty() && device.accept != Some(Acceptance::ZeroVolts) {
+            let text = format!(
+                "device \"{}\" commands an axis, and nothing says that its outputs keep their last value when its watchdog expires",
+                device.name
+            );
+            let finding = Finding::error(path("bus").key(&link.address).key("device"), text);
+            return site.refuse(finding.help(
+                "write the object that keeps the value (`setup`, see its manual); or set `accept = \"zero volts on watchdog\"` and \
+                 `accept_reason`",
+            ));
+        }
+    }
     let wait = WaitRules {
         reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
         on_stale: OnStale::Hold,

@@ -1,18 +1,14 @@
 //! `[bus.NAME]`: numbers, devices and process data of a bus.
 
-use std::collections::BTreeMap;
-
 use super::on_bus::{check_commands, check_on_bus};
 use super::{Findings, numbers};
-use crate::bus_table::{Acceptance, BusTable, DeviceTable, Flow};
+use crate::bus_table::{Acceptance, BusTable, Buses, DeviceTable, Flow};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::echo::number;
 use crate::specimen::SpecimenTable;
 use gusset_quantity::text::{is_hidden, is_reason};
 use gusset_wire::process_data::Entry;
-
-pub(super) type Buses = BTreeMap<String, BusTable>;
 
 /// Most bytes of process data of a bus. One frame holds them, with a datagram for the clock and one for the states.
 const MOST_BYTES: usize = 1400;
