@@ -57,7 +57,7 @@ fn the_study_runs_on_simulated_devices() {
     super::common::completed(study.as_ref(), &out, &["--clock", "simulated"]);
     let summary = super::common::json(&out, "summary.json");
     for name in ["lower-storey", "upper-storey"] {
-        assert_eq!(summary["link"][name]["stale"], 0, "{summary}");
+        assert_eq!(summary["link"][name]["lost"], 0);
     }
     // A count of the drive is 0.1 µm.
     let run = gusset_record::Run::open(&out).unwrap();

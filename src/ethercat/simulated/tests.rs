@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use gusset_quantity::state::Visit;
 use gusset_quantity::substructure::{
-    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
 
@@ -15,7 +15,7 @@ use crate::plan::{
     TimeSource,
 };
 use crate::wire::register::AlState;
-use crate::{Bus, bring_up, reset_faults, scan};
+use crate::{Bus, BusPort, Opener, SharedBus, bring_up, reset_faults, scan};
 
 pub(crate) const PERIOD_NS: u64 = 1_000_000;
 const SOURCE: [u8; 6] = [0x10, 9, 9, 9, 9, 9];
@@ -489,4 +489,112 @@ proptest::proptest! {
             }
         }
     }
+}
+
+/// Two specimens on one bus, armed at zero.
+fn armed(faults: &str) -> [BusPort; 2] {
+    let (_, line) = simulated(&plan(), faults);
+    let opener: Opener = Box::new(move || Ok(Box::new(line)));
+    let shared = SharedBus::new(plan(), (SOURCE, 2), opener, None);
+    let ports = specimens()
+        .into_iter()
+        .map(|one| BusPort::new(Arc::clone(&shared), one));
+    let mut ports: Vec<BusPort> = ports.collect();
+    for port in &mut ports {
+        let found = port.connect().unwrap();
+        assert!(found.simulated && found.force == [0.0]);
+    }
+    for port in &mut ports {
+        port.ask_to_arm(0, &[0.0]).unwrap();
+    }
+    for port in &mut ports {
+        assert!(port.arm(0, &[0.0], &mut || true).unwrap());
+    }
+    ports.try_into().unwrap()
+}
+
+fn command(sequence: u64, disp: &[f64]) -> Command<'_> {
+    Command {
+        sequence,
+        time: 0.0,
+        dt: 0.001,
+        disp,
+        vel: &[0.0],
+    }
+}
+
+const SOON: Nanos = Nanos(u64::MAX);
+
+#[test]
+fn a_tick_of_two_specimens_allocates_nothing() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    let mut forces = [[0.0; 2]; 20];
+    let info = allocation_counter::measure(|| {
+        for (k, row) in (0u64..).zip(&mut forces) {
+            let disp = [1e-5 * k as f64];
+            output.issue(&command(k, &disp)).unwrap();
+            drive.issue(&command(k, &disp)).unwrap();
+            for (port, force) in [&mut output, &mut drive].into_iter().zip(row) {
+                assert_eq!(port.collect(SOON, &mut measured).unwrap(), Freshness::Fresh);
+                assert_eq!(measured.sequence, k.saturating_sub(1));
+                assert_eq!(measured.status, Status::default());
+                *force = measured.force[0];
+            }
+        }
+    });
+    assert_eq!(info.count_total, 0);
+    // The inputs of a tick answer the command before.
+    for (k, row) in forces.iter().enumerate().skip(1) {
+        let wanted = 1e-2 * (k - 1) as f64;
+        assert!(
+            row.iter().all(|force| (force - wanted).abs() < 1e-9),
+            "{k}: {row:?}"
+        );
+    }
+}
+
+#[test]
+fn a_specimen_goes_on_without_the_other() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    for k in 0..10 {
+        drive.issue(&command(k, &[1e-4 * k as f64])).unwrap();
+        output.issue(&command(k, &[0.0])).unwrap();
+        drive.collect(SOON, &mut measured).unwrap();
+        output.collect(SOON, &mut measured).unwrap();
+    }
+    // The drive is commanded no more: it comes to rest, and the other specimen keeps its exchanges.
+    for k in 10..200 {
+        output.issue(&command(k, &[1e-5])).unwrap();
+        assert_eq!(
+            output.collect(SOON, &mut measured).unwrap(),
+            Freshness::Fresh
+        );
+    }
+    assert_eq!(drive.issue(&command(200, &[0.0])), Err(LinkFault::Refused));
+    assert!(!drive.settle(Retirement::Tripped));
+    drive.retire(Retirement::Tripped);
+    assert_eq!(drive.has_acknowledged(), Some(true));
+    output.issue(&command(201, &[0.0])).unwrap();
+    assert_eq!(
+        output.collect(SOON, &mut measured).unwrap(),
+        Freshness::Fresh
+    );
+    output.retire(Retirement::Orderly);
+    assert_eq!(output.has_acknowledged(), Some(true));
+    assert_eq!(output.issue(&command(202, &[0.0])), Err(LinkFault::Closed));
+}
+
+#[test]
+fn a_command_beyond_its_type_is_saturated() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    drive.issue(&command(0, &[0.0])).unwrap();
+    // The output has 16 bits of 10 µm.
+    output.issue(&command(0, &[0.5])).unwrap();
+    output.collect(SOON, &mut measured).unwrap();
+    assert!(measured.status.has(Status::SATURATED));
+    drive.collect(SOON, &mut measured).unwrap();
+    assert!(!measured.status.has(Status::SATURATED));
 }
