@@ -176,7 +176,7 @@ impl SpecimenTable {
         bus.is_some_and(|bus| bus.sample == BusSample::NextTick)
     }
 
-    /// The same as the loop sees it, whose ticks are `tick_s` of the same time apart: where the inputs of a bus are read with the outputs,
+    /// The known actuator as the loop sees it, with ticks of `tick_s`: where the inputs of a bus are read with the outputs,
     /// they answer the command before. An identified delay contains that.
     #[must_use]
     pub fn transfer_in_the_loop(&self, pace: f64, tick_s: f64) -> Option<TransferSpec> {

@@ -40,7 +40,7 @@ fn find(entries: &[Entry], start: usize, index: u16) -> Option<Place> {
     None
 }
 
-/// What is wanted of a drive.
+/// Wanted state of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wanted {
     NoTorque,

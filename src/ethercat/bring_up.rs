@@ -43,7 +43,7 @@ pub struct Found {
     pub outputs: Vec<Entry>,
     /// See `outputs`.
     pub inputs: Vec<Entry>,
-    /// What it did not answer.
+    /// Why the description is incomplete.
     pub remark: Option<String>,
 }
 
@@ -217,7 +217,7 @@ fn mapping(
     Ok(all)
 }
 
-/// The same as entries of the test file. The dictionary does not tell signed from unsigned: a signed integer is assumed where the
+/// The mapping as entries of the test file. The dictionary does not tell signed from unsigned: a signed integer is assumed where the
 /// object is no word of flags.
 fn mapped(
     requests: &mut Requests<'_>,
@@ -400,7 +400,7 @@ fn interpolation_time(period_ns: u64) -> Option<(u8, i8)> {
     })
 }
 
-/// A device with what was found of it.
+/// A device with its station and its EEPROM.
 pub(crate) struct Known<'p> {
     pub plan: &'p DevicePlan,
     pub station: Station,

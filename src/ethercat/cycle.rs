@@ -23,7 +23,7 @@ use gusset_wire::process_data::Entry;
 
 /// How long a change of state and a drive may take.
 const PATIENCE_NS: u64 = 5_000_000_000;
-/// Of the period, how long a reply is awaited at most.
+/// Longest wait for a reply, as a share of the period.
 const REPLY_SHARE: (u64, u64) = (3, 4);
 
 /// One device and its part of the image.
@@ -35,7 +35,7 @@ pub(crate) struct Member {
     pub inputs: Range<usize>,
 }
 
-/// What the last exchange was.
+/// Result of the last exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     /// Complete.
@@ -66,7 +66,7 @@ pub struct Bus {
     tally: Tally,
 }
 
-/// What is known of the exchanges.
+/// Results and counts of the exchanges.
 #[derive(Debug)]
 struct Tally {
     index: u8,
@@ -404,7 +404,7 @@ impl Bus {
         false
     }
 
-    /// Brings all devices to OP with the outputs as they are.
+    /// Brings all devices to OP with unchanged outputs.
     ///
     /// # Errors
     /// A device refuses.

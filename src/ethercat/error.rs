@@ -48,7 +48,7 @@ pub enum BusError {
     Silent {
         /// Its name.
         device: String,
-        /// What was asked.
+        /// The request.
         what: &'static str,
     },
     /// A device refuses a state, or has left it.
@@ -75,7 +75,7 @@ pub enum BusError {
         index: u16,
         /// Subindex.
         sub: u8,
-        /// What it says.
+        /// Its answer.
         why: String,
     },
     /// The process data of a device differ from the test file.
@@ -136,7 +136,7 @@ pub enum BusError {
     Stale {
         /// Successive ticks.
         ticks: u32,
-        /// What was missing.
+        /// The missing part.
         what: String,
     },
     /// An axis that was brought to rest got a command.

@@ -31,7 +31,7 @@ impl BusTime {
         self.offset.load(Ordering::Acquire)
     }
 
-    /// Deviation of the bus clock from the clock of this machine in ppm; NaN as long as it is not known. Real-time: yes.
+    /// Deviation of the bus clock from the clock of this machine in ppm; NaN before it is known. Real-time: yes.
     #[must_use]
     pub fn ppm(&self) -> f64 {
         match self.ppm.load(Ordering::Relaxed) {
@@ -49,7 +49,7 @@ pub(crate) struct Follower {
     /// Offset in ns, with its fraction, and its change per tick.
     offset: f64,
     drift: f64,
-    /// What is left of the last correction, in ns.
+    /// Rest of the last correction, in ns.
     correction: f64,
     least: f64,
     readings: u32,
@@ -153,7 +153,7 @@ impl Clock for FollowingClock {
         let offset = self.time.offset();
         self.below
             .sleep_until(Nanos(at.0.wrapping_add_signed(offset.wrapping_neg())));
-        // The offset may have changed meanwhile: the edge comes when the bus says so.
+        // The offset may have changed meanwhile: the edge comes by the clock of the bus.
         while self.now() < at {
             if self.is_simulated() {
                 let missing = at.since(self.now());

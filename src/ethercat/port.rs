@@ -2,7 +2,7 @@
 //!
 //! `connect` brings the bus to SAFE-OP: sensors are live and outputs are off. `arm` brings it to OP, with the outputs at the standing
 //! command and drives at their actual position, and gives drives torque. `issue` and `collect` are on the path of a tick. Where a drive
-//! or an output holds the axis, `settle` says so: torque and outputs end in `retire`, when the operator has said that the axis is
+//! or an output holds the axis, `settle` reports it: torque and outputs end in `retire`, when the operator has said that the axis is
 //! unloaded.
 
 use std::sync::Arc;

@@ -316,7 +316,7 @@ impl<'l> Requests<'l> {
         };
         let until = self.line.now().plus(MAILBOX_NS);
         let mut emergency = None;
-        // What it sent before is no answer.
+        // An earlier message is no answer.
         while self.is_full(station, 1)? {
             self.mailbox(station, send)?;
         }

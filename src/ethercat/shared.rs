@@ -1,8 +1,8 @@
-//! A bus that several specimens share, and that nobody forgets.
+//! A bus that several specimens share, with a keeper for the time without a loop.
 //!
-//! The bus lies in a slot with room for one. Whoever needs it takes it out and puts it back: the loop in each tick, the keeper while the
+//! The bus lies in a slot with room for one. Its user takes it out and puts it back: the loop in each tick, the keeper while the
 //! loop does not exchange. So process data flow from SAFE-OP to the last message, also while an operator or a client is awaited.
-//! Taking it is one exchange of atomic words; a wait happens only where the keeper has it, which is never while the loop runs.
+//! Taking it is one exchange of atomic words; the loop waits only while the keeper exchanges, which is never during a test.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -18,7 +18,7 @@ use crate::follow::BusTime;
 use crate::line::Line;
 use crate::plan::BusPlan;
 
-/// How long the bus is awaited where the keeper has it: an exchange, and the time that the system may take for it.
+/// Longest wait for the bus while the keeper exchanges.
 const HAND_OVER: Duration = Duration::from_millis(200);
 /// Ticks of silence after which the keeper exchanges in place of the loop.
 const SILENT_TICKS: u64 = 4;
@@ -49,7 +49,7 @@ pub(crate) struct Held {
     pub retired: usize,
 }
 
-/// What the specimens of a bus share.
+/// State that the specimens of a bus share.
 pub struct SharedBus {
     plan: BusPlan,
     source: [u8; 6],
@@ -77,7 +77,7 @@ impl std::fmt::Debug for SharedBus {
 }
 
 impl SharedBus {
-    /// A bus of this plan for so many specimens, which is not connected yet. `source` is the sender of our frames. `clock` is that of
+    /// A bus of this plan, which is not connected yet. `source` is the sender of our frames. `clock` is that of
     /// the keeper: none on simulated time.
     #[must_use]
     pub fn new(

@@ -111,7 +111,7 @@ fn device_plan(loaded: &Loaded, device: &DeviceTable) -> DevicePlan {
     }
 }
 
-/// What a drive needs, from the axis that it moves.
+/// The plan of a drive, from the axis that it moves.
 fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
     for table in &loaded.file.specimen {
         let axes = table.bus.iter().flat_map(|bus| &bus.axis);

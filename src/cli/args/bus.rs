@@ -34,7 +34,7 @@ pub(in crate::cli) struct SimulateArgs {
     /// Answer on this network interface until Ctrl-C: one end of a pair (veth) whose other end the test file names.
     #[arg(long, value_name = "NAME", required_unless_present = "pair")]
     pub interface: Option<String>,
-    /// Make such a pair in a network of its own, and run the command there. It needs no rights.
+    /// Make such a pair in a separate network, and run the command there. It needs no rights.
     #[arg(long, conflicts_with = "interface", requires = "command")]
     pub pair: bool,
     /// Faults that happen, as `[[fault]]` tables.

@@ -181,7 +181,7 @@ impl<'m> Request<'m> {
         }
     }
 
-    /// Reads a request; `None` if it is none.
+    /// Reads a request; `None` for any other message.
     pub(crate) fn read(bytes: &'m [u8]) -> Option<Self> {
         let (kind, content) = message(bytes)?;
         if kind != TYPE_COE || le16(content, 0) >> 12 != REQUEST {
@@ -232,7 +232,7 @@ fn object_data(sdo: &[u8]) -> Option<(&[u8], usize)> {
     }
     let size = le32(sdo, 4) as usize;
     let data = sdo.get(SDO..)?;
-    // What is beyond the announced size is padding.
+    // Bytes beyond the announced size are padding.
     Some((data.get(..size.min(data.len()))?, size))
 }
 
@@ -278,7 +278,7 @@ impl<'m> Answer<'m> {
         })
     }
 
-    /// Writes the answer; its length, or `None` if there is no room or it is none of a device.
+    /// Writes the answer; its length, or `None` if there is no room or no device sends it.
     pub(crate) fn write(&self, count: u8, out: &mut [u8]) -> Option<usize> {
         match *self {
             Self::Uploaded(object, data, size) if size <= 4 && size > 0 => {

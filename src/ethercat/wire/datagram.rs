@@ -22,7 +22,7 @@ const KIND: u16 = 1;
 const LENGTH: u16 = 0x07ff;
 const MORE: u16 = 0x8000;
 
-/// What a datagram asks of the devices.
+/// Service that a datagram requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Service {

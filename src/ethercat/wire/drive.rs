@@ -19,7 +19,7 @@ pub(crate) const CYCLIC_POSITION: i8 = 8;
 pub enum DriveState {
     /// It starts.
     NotReady,
-    /// It has no power, and may not have it.
+    /// It has no power, and power is locked.
     SwitchOnDisabled,
     /// It may be switched on.
     ReadyToSwitchOn,
