@@ -61,6 +61,7 @@ fn plan(drives: usize) -> BusPlan {
         time: TimeSource::Bus,
         watchdog_ns: 1_000_000_000,
         sample_after_ns: None,
+        patience_ns: 5_000_000_000,
         stale_ticks: 3,
     }
 }

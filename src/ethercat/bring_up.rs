@@ -417,6 +417,7 @@ pub fn bring_up(
     source: [u8; 6],
 ) -> Result<Box<Bus>, BusError> {
     let mut requests = Requests::new(line.as_mut(), source);
+    requests.patience_ns = plan.patience_ns;
     let found = enumerate(&mut requests)?;
     if usize::from(found) != plan.devices.len() {
         let wanted = plan.devices.len();

@@ -21,8 +21,6 @@ use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use gusset_wire::process_data::Entry;
 
-/// How long a change of state and a drive may take.
-const PATIENCE_NS: u64 = 5_000_000_000;
 /// Longest wait for a reply, as a share of the period.
 const REPLY_SHARE: (u64, u64) = (3, 4);
 
@@ -432,7 +430,7 @@ impl Bus {
 
     /// A moment of the loop's clock on the clock of this machine.
     pub(crate) fn on_machine(&self, at: Nanos) -> Nanos {
-        let offset = self.follower.as_ref().map_or(0, Follower::offset_ns);
+        let offset = self.follower.as_ref().map_or(0, Follower::lead_ns);
         Nanos(at.0.wrapping_add_signed(offset.wrapping_neg()))
     }
 
@@ -442,7 +440,7 @@ impl Bus {
         mut is_done: impl FnMut(&mut Self) -> Result<bool, BusError>,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<bool, BusError> {
-        let until = self.line.now().plus(PATIENCE_NS);
+        let until = self.line.now().plus(self.plan.patience_ns);
         loop {
             let edge = self.next_edge();
             self.line.wait_until(edge);

@@ -124,6 +124,8 @@ pub struct BusPlan {
     pub watchdog_ns: u64,
     /// Share of the tick after which the inputs are read again; none: the inputs of the exchange count.
     pub sample_after_ns: Option<u64>,
+    /// How long a change of state, or a drive on its way to torque, may take, in ns.
+    pub patience_ns: u64,
     /// Successive ticks without a valid exchange after which the bus is lost.
     pub stale_ticks: u32,
 }

@@ -66,6 +66,8 @@ pub(crate) struct Requests<'l> {
     pub line: &'l mut dyn Line,
     source: [u8; 6],
     index: u8,
+    /// How long a change of state may take, in ns.
+    pub patience_ns: u64,
     out: [u8; LONGEST],
     back: [u8; LONGEST],
 }
@@ -76,6 +78,7 @@ impl<'l> Requests<'l> {
             line,
             source,
             index: 0,
+            patience_ns: STATE_NS,
             out: [0; LONGEST],
             back: [0; LONGEST],
         }
@@ -229,7 +232,7 @@ impl<'l> Requests<'l> {
         station: &Station,
         wanted: AlState,
     ) -> Result<(), BusError> {
-        let until = self.line.now().plus(STATE_NS);
+        let until = self.line.now().plus(self.patience_ns);
         loop {
             let (found, error, code) = self.state(station)?;
             if found == Some(wanted) && !error {

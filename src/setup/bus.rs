@@ -141,11 +141,15 @@ fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
 /// The bus of this name as its file says it, with the samples of the specimens on it.
 fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
     let period_s = loaded.time.period.value();
-    let mut samples = loaded.file.specimen.iter().filter_map(|table| {
-        let spec = table.bus.as_ref().filter(|spec| spec.bus == name)?;
-        Some(spec.samples_after())
-    });
-    let share = samples.next().flatten();
+    let specs = || {
+        let all = loaded.file.specimen.iter();
+        all.filter_map(|table| table.bus.as_ref().filter(|spec| spec.bus == name))
+    };
+    // All specimens of a bus sample at one time: that was checked.
+    let share = specs().next().and_then(BusSpec::samples_after);
+    let patience_s = specs()
+        .map(|spec| spec.connect_timeout_s)
+        .fold(0.0, f64::max);
     BusPlan {
         name: name.to_owned(),
         devices: bus
@@ -160,6 +164,7 @@ fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
         },
         watchdog_ns: (bus.watchdog_s * 1e9) as u64,
         sample_after_ns: share.map(|share| (share * period_s * 1e9) as u64),
+        patience_ns: (patience_s.max(1.0) * 1e9) as u64,
         stale_ticks: u32::try_from(bus.stale_ticks).unwrap_or(u32::MAX),
     }
 }
@@ -190,6 +195,19 @@ pub(super) fn on_bus(
         let text = "an entry of this specimen is not on its bus";
         return site.refuse(Finding::error(at.key("bus").key("axis"), text));
     };
+    let mut others = site
+        .loaded
+        .file
+        .specimen
+        .iter()
+        .filter_map(|one| one.bus.as_ref());
+    if others.any(|one| one.bus == spec.bus && one.samples_after() != spec.samples_after()) {
+        let text = "the specimens of one bus sample at different times";
+        let finding = Finding::error(at.key("bus").key("sample"), text);
+        return site.refuse(finding.help(
+            "give all of them equal `sample` and `sample_after`: one frame reads the inputs of all devices",
+        ));
+    }
     for device in bus
         .device
         .iter()

@@ -90,6 +90,7 @@ pub(crate) fn plan() -> BusPlan {
         time: TimeSource::Bus,
         watchdog_ns: 100_000_000,
         sample_after_ns: None,
+        patience_ns: 5_000_000_000,
         stale_ticks: 3,
     }
 }
