@@ -42,6 +42,7 @@ fn failed(error: &BusError) -> anyhow::Error {
         BusError::Interface(_)
         | BusError::Identity { .. }
         | BusError::Count { .. }
+        | BusError::InOperation { .. }
         | BusError::Mapping { .. } => Exit::Usage,
         _ => Exit::Link,
     };
@@ -50,7 +51,7 @@ fn failed(error: &BusError) -> anyhow::Error {
 
 fn scan_bus(args: &ScanArgs) -> anyhow::Result<Exit> {
     let mut line = open_bus_line(&args.interface).map_err(|error| failed(&error))?;
-    let found = scan(line.as_mut(), bus_source()).map_err(|error| failed(&error))?;
+    let found = scan(line.as_mut(), bus_source(), args.release).map_err(|error| failed(&error))?;
     answer(table(&args.interface, &found))?;
     Ok(Exit::Done)
 }

@@ -24,7 +24,7 @@ pub struct BusTable {
     #[schemars(example = &"free")]
     pub clock: BusClock,
     /// Time without new outputs after which a device leaves normal operation by itself. It must be
-    /// longer than a tick and at most 60 s. It is written to each device with outputs.
+    /// longer than three ticks and at most 6.5 s. It is written to each device with outputs.
     #[serde(default = "tenth")]
     #[schemars(example = 0.05)]
     pub watchdog_s: f64,

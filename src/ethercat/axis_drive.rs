@@ -1,7 +1,8 @@
 //! A CiA-402 drive in the cycle: its way to torque and back, and its target.
 //!
 //! Until a drive has torque, its target is its actual position. A target that moves and gets no new command comes to rest within the
-//! limit of acceleration; after that it takes no more commands. A fault is never reset here.
+//! limit of acceleration; after that it takes no more commands. A drive that lost its torque does not get it back, and one that stops by
+//! itself keeps it. A fault is never reset here.
 
 use crate::error::BusError;
 use crate::plan::{DevicePlan, DrivePlan};
@@ -62,6 +63,9 @@ pub(crate) struct Drive {
     brake: f64,
     wanted: Wanted,
     state: DriveState,
+    /// It had torque, and the last controlword.
+    had_torque: bool,
+    word: u16,
     /// Target in counts, and what it last moved by in a tick.
     counts: f64,
     step: f64,
@@ -94,6 +98,8 @@ impl Drive {
             brake: drive.accel * drive.counts_per_unit.abs() * period_s * period_s,
             wanted: Wanted::NoTorque,
             state: DriveState::NotReady,
+            had_torque: false,
+            word: words::DISABLE_VOLTAGE,
             counts: 0.0,
             step: 0.0,
             is_told: false,
@@ -138,8 +144,10 @@ impl Drive {
         counts != limited
     }
 
+    /// From here on it is brought to torque. It takes commands again.
     pub(crate) const fn enable(&mut self) {
         self.wanted = Wanted::Operation;
+        self.has_rested = false;
     }
 
     pub(crate) const fn quick_stop(&mut self) {
@@ -148,35 +156,45 @@ impl Drive {
 
     pub(crate) const fn disable(&mut self) {
         self.wanted = Wanted::NoTorque;
+        self.had_torque = false;
     }
 
-    /// True if it should have torque and follow its target.
-    pub(crate) fn is_wanted(&self) -> bool {
-        self.wanted == Wanted::Operation
+    /// True if it holds its axis.
+    pub(crate) const fn has_torque(&self) -> bool {
+        matches!(
+            self.state,
+            DriveState::OperationEnabled | DriveState::QuickStopActive
+        )
+    }
+
+    /// True if it had torque, and does not follow its target any more.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.had_torque && self.state != DriveState::OperationEnabled
     }
 
     /// Writes its outputs before an exchange. Real-time: yes.
     pub(crate) fn prepare(&mut self, image: &mut [u8]) {
-        let word = match self.wanted {
+        self.word = match self.wanted {
             Wanted::NoTorque => words::DISABLE_VOLTAGE,
+            // A state that cannot be read changes nothing.
+            Wanted::Operation if self.had_torque && self.state == DriveState::NotReady => self.word,
             Wanted::Operation => words::towards_operation(self.state),
             Wanted::QuickStop => words::QUICK_STOP,
         };
-        self.control.write(f64::from(word), image);
-        let has_torque = matches!(
-            self.state,
-            DriveState::OperationEnabled | DriveState::QuickStopActive
-        );
-        if !has_torque {
+        self.control.write(f64::from(self.word), image);
+        let is_told = std::mem::take(&mut self.is_told);
+        if !self.has_torque() {
             (self.counts, self.step) = (self.actual.read(image), 0.0);
-        } else if !std::mem::take(&mut self.is_told) && self.moves() {
+        } else if !is_told && self.moves() {
             let slower = (self.step.abs() - self.brake).max(0.0);
-            self.step = slower.copysign(self.step);
-            if slower == 0.0 {
-                self.step = 0.0;
-            }
+            // An axis that can rest at once is at rest.
+            self.has_rested |= slower > 0.0;
+            self.step = if slower > 0.0 {
+                slower.copysign(self.step)
+            } else {
+                0.0
+            };
             self.counts += self.step;
-            self.has_rested = true;
         }
         self.target.write(self.counts, image);
     }
@@ -184,5 +202,13 @@ impl Drive {
     /// Reads its inputs after a valid exchange. Real-time: yes.
     pub(crate) fn read(&mut self, image: &[u8]) {
         self.state = DriveState::of(self.status.read(image) as u16);
+        match self.state {
+            DriveState::OperationEnabled => self.had_torque |= self.wanted == Wanted::Operation,
+            DriveState::NotReady => {}
+            // It stops by itself, and holds.
+            DriveState::QuickStopActive if self.had_torque => self.wanted = Wanted::QuickStop,
+            _ if self.had_torque => self.wanted = Wanted::NoTorque,
+            _ => {}
+        }
     }
 }

@@ -22,6 +22,7 @@ const FIRST_STATION: u16 = 0x1001;
 /// Control bytes of a sync manager that the EEPROM does not give.
 const OUTPUT_CONTROL: u8 = 0x64;
 const INPUT_CONTROL: u8 = 0x20;
+const WATCHDOG_BIT: u8 = 0x40;
 /// Unit of the watchdog: the divider in units of 40 ns, less two.
 const WATCHDOG_DIVIDER: u16 = 2498;
 const WATCHDOG_UNIT_NS: u64 = 100_000;
@@ -47,11 +48,32 @@ pub struct Found {
     pub remark: Option<String>,
 }
 
-/// Counts the devices and brings them to INIT with station addresses.
-fn enumerate(requests: &mut Requests<'_>) -> Result<u16, BusError> {
+/// How long the line is listened to before the first frame: another master is heard then.
+const LISTEN_NS: u64 = 20_000_000;
+
+/// Counts the devices and brings them to INIT with station addresses. Devices in operation are left alone, unless they are to be
+/// released.
+fn enumerate(requests: &mut Requests<'_>, releases: bool) -> Result<u16, BusError> {
+    requests.listen(LISTEN_NS)?;
     let count = requests.ask(Service::Brd, 0, &mut [0])?;
     if count == 0 {
         return Err(BusError::NoDevice);
+    }
+    for index in 0..count {
+        let mut status = [0u8; 6];
+        let address = at(position(index), reg::AL_STATUS);
+        requests.ask(Service::Aprd, address, &mut status)?;
+        let code = u16::from_le_bytes([status[4], status[5]]);
+        match AlState::of(status[0]) {
+            Some(state) if state >= AlState::SafeOp && !releases => {
+                return Err(BusError::InOperation {
+                    position: index + 1,
+                    state,
+                    code,
+                });
+            }
+            _ => {}
+        }
     }
     let init = [AlState::Init as u8 | reg::AL_ERROR, 0];
     requests.write_all(reg::AL_CONTROL, &init)?;
@@ -105,14 +127,15 @@ fn set_manager(
     requests.write(station, register, &bytes)
 }
 
-/// Lists the devices of a line, and what they map. Writes no process data; the devices are left in INIT.
+/// Lists the devices of a line, and what they map. Writes no process data; the devices are left in INIT. `releases`: also devices that
+/// are in operation, whose outputs may then end.
 ///
 /// # Errors
 /// No device answers, or the line is down.
-pub fn scan(line: &mut dyn Line, source: [u8; 6]) -> Result<Vec<Found>, BusError> {
+pub fn scan(line: &mut dyn Line, source: [u8; 6], releases: bool) -> Result<Vec<Found>, BusError> {
     let mut requests = Requests::new(line, source);
     let states = states_before(&mut requests)?;
-    let count = enumerate(&mut requests)?;
+    let count = enumerate(&mut requests, releases)?;
     let mut all = Vec::with_capacity(count.into());
     for index in 0..count {
         let mut station = Station::new(&format!("{}", index + 1), FIRST_STATION + index);
@@ -418,7 +441,7 @@ pub fn bring_up(
 ) -> Result<Box<Bus>, BusError> {
     let mut requests = Requests::new(line.as_mut(), source);
     requests.patience_ns = plan.patience_ns;
-    let found = enumerate(&mut requests)?;
+    let found = enumerate(&mut requests, false)?;
     if usize::from(found) != plan.devices.len() {
         let wanted = plan.devices.len();
         return Err(BusError::Count { found, wanted });
@@ -608,9 +631,15 @@ fn manager(
         0 => direction.control,
         control => control,
     };
+    // Outputs have a watchdog, whatever the EEPROM says.
+    let watchdog = if direction.kind == OUTPUTS.kind {
+        WATCHDOG_BIT
+    } else {
+        0
+    };
     let manager = Manager {
         length,
-        control,
+        control: control | watchdog,
         ..*found
     };
     Some((index, manager))
@@ -650,7 +679,7 @@ pub fn reset_faults(
     source: [u8; 6],
 ) -> Result<Vec<String>, BusError> {
     let mut requests = Requests::new(line, source);
-    let found = enumerate(&mut requests)?;
+    let found = enumerate(&mut requests, false)?;
     if usize::from(found) != plan.devices.len() {
         let wanted = plan.devices.len();
         return Err(BusError::Count { found, wanted });

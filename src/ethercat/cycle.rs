@@ -231,9 +231,13 @@ impl Bus {
         let _ = writer.reserve((Service::Fprd, index), at(asked, reg::AL_STATUS), 6);
         let length = writer.finish();
         tally.sent = self.line.now();
-        if let Err(fault) = self.line.send(self.out.get(..length).unwrap_or_default()) {
-            tally.outcome = Outcome::Broken;
-            tally.line_fault = Some(fault);
+        match self.line.send(self.out.get(..length).unwrap_or_default()) {
+            // A full queue loses one tick.
+            Ok(()) | Err(LineFault::Full) => {}
+            Err(fault) => {
+                tally.outcome = Outcome::Broken;
+                tally.line_fault = Some(fault);
+            }
         }
     }
 
@@ -287,10 +291,11 @@ impl Bus {
             self.judge(length);
         }
         let is_valid = self.tally.outcome == Outcome::Valid;
-        self.tally.stale = if is_valid {
-            0
-        } else {
-            self.tally.stale.saturating_add(1)
+        self.tally.stale = match (is_valid, self.plan.sample_after_ns) {
+            (false, _) => self.tally.stale.saturating_add(1),
+            (true, None) => 0,
+            // The tick is complete with its sample.
+            (true, Some(_)) => self.tally.stale,
         };
         is_valid
     }
@@ -335,15 +340,15 @@ impl Bus {
         let counter = self.members.iter().fold(0u16, |sum, member| {
             sum + u16::from(!member.inputs.is_empty()) + 2 * u16::from(!member.outputs.is_empty())
         });
+        if !all_wanted || image.counter(frame) != counter {
+            tally.outcome = Outcome::Incomplete;
+            return;
+        }
         if let (Some(time), Some(follower)) = (time, &mut self.follower)
             && let Some(bytes) = time.bytes(frame).first_chunk()
             && time.counter(frame) > 0
         {
             follower.read(u64::from_le_bytes(*bytes), tally.sent);
-        }
-        if !all_wanted || image.counter(frame) != counter {
-            tally.outcome = Outcome::Incomplete;
-            return;
         }
         tally.outcome = Outcome::Valid;
         tally.culprit = None;
@@ -388,6 +393,7 @@ impl Bus {
         match first {
             Some(Ok(one)) if usize::from(one.counter(frame)) == with_inputs => {
                 self.take_inputs(one.data);
+                self.tally.stale = 0;
                 true
             }
             _ => self.misses_sample(Outcome::Incomplete),
@@ -414,7 +420,11 @@ impl Bus {
     pub fn exchange(&mut self) -> bool {
         self.send();
         let deadline = self.reply_ends();
-        self.receive(deadline)
+        let is_valid = self.receive(deadline);
+        if is_valid {
+            self.tally.stale = 0;
+        }
+        is_valid
     }
 
     /// The next moment at which an exchange is due, on the clock of this machine: the bus clock has its phase there.

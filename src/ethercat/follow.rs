@@ -16,6 +16,8 @@ const PROPORTIONAL: f64 = 0.3;
 const INTEGRAL: f64 = 0.05;
 /// Largest change of the offset in a tick, as a share of the period.
 const MOST: f64 = 0.01;
+/// Largest deviation of a clock, as a share.
+const MOST_DRIFT: f64 = 500e-6;
 
 /// Relation between the clock of this machine and that of the bus.
 #[derive(Debug, Default)]
@@ -84,13 +86,18 @@ impl Follower {
             return;
         }
         let error = deviation.wrapping_sub(self.base) as f64 - self.offset;
+        if error.abs() > 0.5 * self.period_ns {
+            // A clock does not jump: the reading is wrong.
+            return;
+        }
         if error < self.least {
             self.least = error;
         }
         self.readings += 1;
         if self.readings == READINGS {
             let ticks = f64::from(READINGS);
-            self.drift += INTEGRAL * self.least / ticks;
+            let most = MOST_DRIFT * self.period_ns;
+            self.drift = (self.drift + INTEGRAL * self.least / ticks).clamp(-most, most);
             self.correction = PROPORTIONAL * self.least;
             (self.readings, self.least) = (0, f64::INFINITY);
             self.time.ppm.store(
@@ -188,10 +195,10 @@ mod tests {
     use super::*;
     use gusset_quantity::time::SimClock;
 
-    /// Reading noise: frames are late by up to 20 µs, and every 50th by 300 µs more.
+    /// Reading noise: frames are late by up to 20 µs, and every 50th by 700 µs more.
     fn late(k: u64) -> u64 {
         let dice = k.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(99) >> 40;
-        dice % 20_000 + if k.is_multiple_of(50) { 300_000 } else { 0 }
+        dice % 20_000 + if k.is_multiple_of(50) { 700_000 } else { 0 }
     }
 
     #[test]

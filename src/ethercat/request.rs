@@ -84,6 +84,18 @@ impl<'l> Requests<'l> {
         }
     }
 
+    /// Listens for the frames of another master.
+    pub(crate) fn listen(&mut self, ns: u64) -> Result<(), BusError> {
+        let until = self.line.now().plus(ns);
+        while let Some(length) = self.line.receive(&mut self.back, until)? {
+            let frame = self.back.get(..length).unwrap_or_default();
+            if !is_ours(frame, self.source) {
+                return Err(LineFault::Foreign.into());
+            }
+        }
+        Ok(())
+    }
+
     /// Sends a datagram and takes the data that come back; the working counter, 0 if no frame came back.
     pub(crate) fn ask(
         &mut self,

@@ -18,10 +18,11 @@ use gusset_ethercat::plan::{
     TimeSource,
 };
 use gusset_ethercat::simulated::{Fault, Plant, SimulatedBus, SimulatedLine, SimulationError};
-use gusset_ethercat::{BusError, BusPort, FollowingClock, Opener, SharedBus};
+use gusset_ethercat::{BusError, BusPort, FollowingClock, Keeper, Opener, SharedBus};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::time::{Clock, SimClock};
+use gusset_quantity::time::SimClock;
 use gusset_record::rt::clock::MonotonicClock;
+use gusset_record::rt::{RtPlan, apply, os};
 
 /// The bus of a test while its specimens are made.
 pub(crate) struct Draft {
@@ -267,7 +268,7 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     let specimens = tables.filter(|table| table.bus.is_some()).count();
     let plants: Arc<Mutex<Vec<Plant>>> = Arc::default();
     let own = source();
-    let (opener, clock): (Opener, Option<Box<dyn Clock>>) = if is_simulated(loaded) {
+    let (opener, keeper): (Opener, Option<Keeper>) = if is_simulated(loaded) {
         let (plants, plan) = (Arc::clone(&plants), plan.clone());
         let open = move || -> Result<Box<dyn Line>, BusError> {
             let plants = plants.lock().map(|mut all| std::mem::take(&mut *all));
@@ -281,11 +282,33 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     } else {
         let interface = bus.interface.clone();
         let open = move || super::bus_line::open(&interface);
-        (Box::new(open), Some(Box::new(MonotonicClock::default())))
+        (Box::new(open), Some(keeper(loaded)))
     };
     Draft {
-        shared: SharedBus::new(plan, (own, specimens), opener, clock),
+        shared: SharedBus::new(plan, (own, specimens), opener, keeper),
         plants,
+    }
+}
+
+/// The keeper is as urgent as the loop but for one step, on the first processor: it alone feeds drives while the operator is awaited.
+fn keeper(loaded: &Loaded) -> Keeper {
+    let period_ns = (loaded.time.period.value() * 1e9) as u64;
+    let plan = super::rt_plan(&loaded.file.timing, period_ns);
+    let prepare = move || {
+        let cpus = os::process_cpus();
+        let urgency = plan
+            .fifo_priority
+            .map(|priority| priority.saturating_sub(1).max(1));
+        // A refusal is reported for the loop, which asks for more.
+        let _ = apply(&RtPlan {
+            fifo_priority: urgency,
+            cpu: cpus.first().copied().or(plan.cpu),
+            ..plan
+        });
+    };
+    Keeper {
+        clock: Box::new(MonotonicClock::default()),
+        prepare: Box::new(prepare),
     }
 }
 

@@ -4,6 +4,7 @@ use gusset_ethercat::BusError;
 use gusset_ethercat::line::{Line, LineFault};
 use gusset_quantity::time::{Clock, Nanos};
 use gusset_record::rt::clock::MonotonicClock;
+use gusset_record::rt::os::Errno;
 use gusset_record::rt::packet::PacketSocket;
 
 /// Frames through a raw socket.
@@ -35,7 +36,10 @@ impl Line for SocketLine {
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LineFault> {
-        self.socket.send(frame).map_err(|_| LineFault::Down)
+        self.socket.send(frame).map_err(|error| match error {
+            Errno::AGAIN | Errno::NOBUFS | Errno::INTR => LineFault::Full,
+            _ => LineFault::Down,
+        })
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LineFault> {

@@ -11,7 +11,7 @@ fn a_test_runs_over_a_pair_of_interfaces() {
     let text = text
         .replace("clock = \"simulated\"", "clock = \"real\"")
         .replace("rate_hz = 500", "rate_hz = 200")
-        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 10\nstale_ticks = 500");
+        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 6\nstale_ticks = 500");
     std::fs::write(at("test.toml"), text).unwrap();
     let mut command = gusset();
     let run = ["--pair", "--", "gusset", "run"];

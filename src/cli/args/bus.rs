@@ -20,6 +20,9 @@ pub(in crate::cli) struct ScanArgs {
     /// Network interface that the first device is connected to.
     #[arg(value_name = "INTERFACE")]
     pub interface: String,
+    /// Also bring devices to INIT that are in operation. Their outputs may end: unload every axis first.
+    #[arg(long)]
+    pub release: bool,
 }
 
 #[derive(Debug, Args)]

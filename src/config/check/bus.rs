@@ -84,10 +84,13 @@ fn check_bus(
     findings.numbers(at, numbers::NUMBERS_OF_BUS);
     if let Some(tick_s) = tick_s
         && bus.watchdog_s > 0.0
-        && bus.watchdog_s <= tick_s
+        && bus.watchdog_s <= 3.0 * tick_s
     {
         let at = at.key("watchdog_s");
-        let text = format!("`{at}` must be longer than a tick, {} s", number(tick_s));
+        let text = format!(
+            "`{at}` must be longer than three ticks, {} s",
+            number(3.0 * tick_s)
+        );
         let finding = Finding::error(at, text).label(format!("found {}", number(bus.watchdog_s)));
         findings.push(finding.help("with less, the devices would stop between two ticks"));
     }

@@ -14,6 +14,7 @@ use crate::plan::{
     AxisPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
     TimeSource,
 };
+use crate::wire::drive::DriveState;
 use crate::wire::register::AlState;
 use crate::{Bus, BusPort, Opener, SharedBus, bring_up, reset_faults, scan};
 
@@ -209,7 +210,7 @@ fn a_bus_comes_to_op_and_carries_a_force() {
 #[test]
 fn a_scan_lists_what_is_there() {
     let (_, mut line) = simulated(&plan(), "");
-    let found = scan(&mut line, SOURCE).unwrap();
+    let found = scan(&mut line, SOURCE, false).unwrap();
     assert_eq!(found.len(), 4);
     assert_eq!(found[3].identity, [2, 4, 1]);
     assert_eq!(found[1].state, Some(AlState::Init));
@@ -598,4 +599,66 @@ fn a_command_beyond_its_type_is_saturated() {
     assert!(measured.status.has(Status::SATURATED));
     drive.collect(SOON, &mut measured).unwrap();
     assert!(!measured.status.has(Status::SATURATED));
+}
+
+#[test]
+fn a_bus_in_operation_is_left_alone() {
+    let (shared, bus) = in_op("");
+    let mut line = SimulatedLine::new(Arc::clone(&shared), Box::new(SimClock::new()));
+    let error = scan(&mut line, SOURCE, false).unwrap_err();
+    let is_live = matches!(
+        error,
+        BusError::InOperation {
+            position: 1,
+            state: AlState::Op,
+            ..
+        }
+    );
+    assert!(is_live, "{error}");
+    assert!(
+        shared
+            .lock()
+            .unwrap()
+            .devices
+            .iter()
+            .all(|one| one.state == AlState::Op)
+    );
+    drop(bus);
+    assert_eq!(scan(&mut line, SOURCE, true).unwrap().len(), 4);
+}
+
+/// A bus whose drive has torque, and the number of the drive.
+fn with_torque() -> (Shared, Box<Bus>, usize) {
+    let (shared, mut bus) = in_op("");
+    let drive = bus.drive_of(3).unwrap();
+    bus.drive(drive).unwrap().0.enable();
+    let enabled = |bus: &mut Bus| Ok(bus.have_torque(&[drive]));
+    assert!(bus.exchange_until(enabled, &mut || true).unwrap());
+    (shared, bus, drive)
+}
+
+/// The state of the servo after it changed to this one by itself.
+fn changes_to(state: DriveState) -> (DriveState, bool) {
+    let (shared, mut bus, drive) = with_torque();
+    let servo = |shared: &Shared, set: Option<DriveState>| {
+        let mut bus = shared.lock().unwrap();
+        let servo = bus.devices[3].servo.as_mut().unwrap();
+        servo.state = set.unwrap_or(servo.state);
+        servo.state
+    };
+    servo(&shared, Some(state));
+    for _ in 0..20 {
+        tick(&mut bus);
+    }
+    let is_lost = bus.drive(drive).unwrap().0.is_lost();
+    (servo(&shared, None), is_lost)
+}
+
+#[test]
+fn torque_neither_ends_nor_returns_by_itself() {
+    let stopped = changes_to(DriveState::QuickStopActive);
+    assert_eq!(stopped, (DriveState::QuickStopActive, true));
+    // A safe stop that is released, and a fault that is reset at the drive.
+    let released = changes_to(DriveState::SwitchOnDisabled);
+    assert_eq!(released, (DriveState::SwitchOnDisabled, true));
 }

@@ -482,7 +482,7 @@ mod tests {
                 bytes[0] = (length as u8).saturating_sub(6);
                 bytes[1] = 0;
                 bytes[5] = 0x13;
-                bytes[7] = bytes[7] % 4 << 4;
+                bytes[7] = (bytes[7] % 4) << 4;
             }
             let bytes = &bytes[..length];
             let _ = (Request::read(bytes), Answer::read(bytes));

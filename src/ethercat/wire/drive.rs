@@ -100,10 +100,9 @@ pub(crate) const fn towards_operation(state: DriveState) -> u16 {
         DriveState::SwitchOnDisabled => SHUTDOWN,
         DriveState::ReadyToSwitchOn => SWITCH_ON,
         DriveState::SwitchedOn | DriveState::OperationEnabled => ENABLE_OPERATION,
-        DriveState::NotReady
-        | DriveState::QuickStopActive
-        | DriveState::FaultReaction
-        | DriveState::Fault => DISABLE_VOLTAGE,
+        // It holds with torque: only the operator ends that.
+        DriveState::QuickStopActive => QUICK_STOP,
+        DriveState::NotReady | DriveState::FaultReaction | DriveState::Fault => DISABLE_VOLTAGE,
     }
 }
 
@@ -132,15 +131,12 @@ mod tests {
 
     #[test]
     fn a_fault_is_never_reset_by_itself() {
-        for state in [
-            DriveState::Fault,
-            DriveState::FaultReaction,
-            DriveState::QuickStopActive,
-        ] {
+        for state in [DriveState::Fault, DriveState::FaultReaction] {
             assert_eq!(
                 towards_operation(state) & (FAULT_RESET | ENABLE_OPERATION),
                 0
             );
         }
+        assert_eq!(towards_operation(DriveState::QuickStopActive), QUICK_STOP);
     }
 }

@@ -2,9 +2,10 @@
 
 /// Station address that the master gives.
 pub(crate) const STATION: u16 = 0x0010;
-/// Features: bit 2 says that it has distributed clocks.
+/// Features: bit 2 says that it has a distributed clock, bit 3 that the clock has 64 bits.
 pub(crate) const FEATURES: u16 = 0x0008;
 pub(crate) const HAS_CLOCK: u16 = 1 << 2;
+pub(crate) const HAS_LONG_CLOCK: u16 = 1 << 3;
 /// Link state of the ports: bits 4 to 7 say whether a link is there, 8 and 9 of port 0 the loop and the communication.
 pub(crate) const DL_STATUS: u16 = 0x0110;
 /// Requested and actual state, and the code of a refusal.
