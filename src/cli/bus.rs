@@ -24,7 +24,7 @@ use super::{answer, tell};
 const FAR_END: &str = "gusset-sim";
 /// Time between two looks for the end of a simulation.
 const LOOK_NS: u64 = 20_000_000;
-/// Set for the process inside the network of its own.
+/// Set for the process inside the separate network.
 const INSIDE: &str = "GUSSET_BUS_INSIDE";
 
 /// Runs one of the commands.
@@ -42,6 +42,7 @@ fn failed(error: &BusError) -> anyhow::Error {
         BusError::Interface(_)
         | BusError::Identity { .. }
         | BusError::Count { .. }
+        | BusError::InOperation { .. }
         | BusError::Mapping { .. } => Exit::Usage,
         _ => Exit::Link,
     };
@@ -50,7 +51,7 @@ fn failed(error: &BusError) -> anyhow::Error {
 
 fn scan_bus(args: &ScanArgs) -> anyhow::Result<Exit> {
     let mut line = open_bus_line(&args.interface).map_err(|error| failed(&error))?;
-    let found = scan(line.as_mut(), bus_source()).map_err(|error| failed(&error))?;
+    let found = scan(line.as_mut(), bus_source(), args.release).map_err(|error| failed(&error))?;
     answer(table(&args.interface, &found))?;
     Ok(Exit::Done)
 }
@@ -102,7 +103,7 @@ fn reset(args: &BusResetArgs) -> anyhow::Result<Exit> {
 }
 
 fn simulate(args: &SimulateArgs) -> anyhow::Result<Exit> {
-    // Inside, the pair is there; outside, the process begins again in a network of its own.
+    // Inside, the pair is there; outside, the process begins again in a separate network.
     let is_inside = std::env::var_os(INSIDE).is_some();
     if args.pair && !is_inside {
         return begin_again();
@@ -235,7 +236,7 @@ fn serve(
     }
 }
 
-/// Starts this command again in a network of its own. An ordinary user becomes its administrator.
+/// Starts this command again in a separate network. An ordinary user becomes its administrator.
 fn begin_again() -> anyhow::Result<Exit> {
     let _signals = Signals::listen()?;
     let program = std::env::current_exe()?;

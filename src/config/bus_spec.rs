@@ -1,7 +1,6 @@
-//! `[specimen.bus]`: the process data of a specimen on an EtherCAT bus, and the link that it stands for.
+//! `[specimen.bus]`: the process data of a specimen on an EtherCAT bus, and its link.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -15,7 +14,6 @@ use super::link_table::{
     Carrier, CommandPace, LinkCoupling, LinkSpec, ProbeChoice, Protocol, StaleChoice, five, half,
     sixty,
 };
-use super::specimen::SpecimenTable;
 
 /// Specimen on an EtherCAT bus: the process data that command and measure its axes. It was never
 /// tried on hardware.
@@ -214,7 +212,7 @@ impl BusSpec {
     }
 
     /// The link as which the controller sees this specimen. `bus`: its bus, unless the name is wrong.
-    fn link(&self, bus: Option<&BusTable>) -> LinkSpec {
+    pub(crate) fn link(&self, bus: Option<&BusTable>) -> LinkSpec {
         LinkSpec {
             protocol: Protocol::Ethercat,
             transport: Carrier::default(),
@@ -245,16 +243,6 @@ impl BusSpec {
 pub(crate) trait OnBuses {
     /// Gives each specimen on a bus its link. The file does not show this link when it is written.
     fn link_specimens(&mut self) {}
-}
-
-/// Gives each specimen on a bus its link, unless the user wrote one.
-pub(crate) fn link_specimens(buses: &BTreeMap<String, BusTable>, specimens: &mut [SpecimenTable]) {
-    for table in specimens {
-        if let Some(spec) = &table.bus {
-            let link = || spec.link(buses.get(&spec.bus));
-            table.link.get_or_insert_with(link);
-        }
-    }
 }
 
 /// True of the link of a specimen on a bus, which is written as `bus`.

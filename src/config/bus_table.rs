@@ -1,9 +1,14 @@
 //! `[bus.NAME]`: an EtherCAT bus and its devices.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use gusset_wire::process_data::{Entry, SetupWrite};
+
+/// The buses of a file by their names.
+pub(crate) type Buses = BTreeMap<String, BusTable>;
 
 /// EtherCAT bus at a network interface of this computer, with its devices. It was never tried on
 /// hardware.
@@ -19,7 +24,7 @@ pub struct BusTable {
     #[schemars(example = &"free")]
     pub clock: BusClock,
     /// Time without new outputs after which a device leaves normal operation by itself. It must be
-    /// longer than a tick and at most 60 s. It is written to each device with outputs.
+    /// longer than three ticks and at most 6.5 s. It is written to each device with outputs.
     #[serde(default = "tenth")]
     #[schemars(example = 0.05)]
     pub watchdog_s: f64,
@@ -94,7 +99,7 @@ pub enum Acceptance {
     TorqueOff,
 }
 
-/// Identity of a device, as its identity object has it.
+/// Identity of a device: the values of its identity object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProductTable {

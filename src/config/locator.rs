@@ -92,7 +92,7 @@ impl Locator {
         text
     }
 
-    /// The key of a specimen on a bus for a key of its link; none for another path, and for a specimen with a link of its own.
+    /// The key of a specimen on a bus for a key of its link; none for another path, and for a specimen with its own link.
     fn of_bus(&self, path: &KeyPath) -> Option<KeyPath> {
         let [first, Segment::Index(index), link, keys @ ..] = path.segments() else {
             return None;

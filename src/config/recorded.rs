@@ -6,10 +6,10 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_spec::OnBuses;
 use super::excitation::ExcitationTable;
 use super::schema::{IntegratorTable, StructureTable};
-use super::specimen::SpecimenTable;
+use super::specimen::{SpecimenTable, link_specimens};
 use super::timetable::TimeTable;
 use super::{ConfigError, Purpose, judge, open};
 use gusset_quantity::time::Ratio;

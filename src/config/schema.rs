@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_spec::OnBuses;
 use super::bus_table::BusTable;
 use super::certificate::{CertificateTable, UncertaintyTable};
 use super::excitation::ExcitationTable;
 use super::safety::SafetyTable;
-use super::specimen::SpecimenTable;
+use super::specimen::{SpecimenTable, link_specimens};
 use super::timetable::TimeTable;
 use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};

@@ -6,13 +6,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_table::{DispUnit, ForceUnit};
-use super::bus_spec::{OnBuses, link_specimens};
+use super::bus_spec::OnBuses;
 use super::bus_table::BusTable;
 use super::link_table::{Carrier, Offer};
 use super::openfresco_table::OpenFrescoServeSpec;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
-use super::specimen::SpecimenTable;
+use super::specimen::{SpecimenTable, link_specimens};
 use super::timing_table::TimingSpec;
 use super::tls_table::ServeTlsSpec;
 

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
 use super::bus_spec::{BusSample, BusSpec, is_not_written};
+use super::bus_table::Buses;
 use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
 use super::link_table::{LinkSpec, Protocol};
@@ -175,7 +176,7 @@ impl SpecimenTable {
         bus.is_some_and(|bus| bus.sample == BusSample::NextTick)
     }
 
-    /// The same as the loop sees it, whose ticks are `tick_s` of the same time apart: where the inputs of a bus are read with the outputs,
+    /// The known actuator as the loop sees it, with ticks of `tick_s`: where the inputs of a bus are read with the outputs,
     /// they answer the command before. An identified delay contains that.
     #[must_use]
     pub fn transfer_in_the_loop(&self, pace: f64, tick_s: f64) -> Option<TransferSpec> {
@@ -327,6 +328,16 @@ impl SpecimenTable {
         let coupled = || Some(("coupled", SpecimenLaw::Coupled(self.coupled.clone()?)));
         let bearing = || Some(("bearing", SpecimenLaw::Bearing(self.bearing.clone()?)));
         law.or_else(laws).or_else(coupled).or_else(bearing)
+    }
+}
+
+/// Gives each specimen on a bus its link, unless the user wrote one.
+pub(crate) fn link_specimens(buses: &Buses, specimens: &mut [SpecimenTable]) {
+    for table in specimens {
+        if let Some(spec) = &table.bus {
+            let link = || spec.link(buses.get(&spec.bus));
+            table.link.get_or_insert_with(link);
+        }
     }
 }
 

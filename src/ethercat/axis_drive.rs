@@ -1,7 +1,8 @@
 //! A CiA-402 drive in the cycle: its way to torque and back, and its target.
 //!
 //! Until a drive has torque, its target is its actual position. A target that moves and gets no new command comes to rest within the
-//! limit of acceleration; after that it takes no more commands. A fault is never reset here.
+//! limit of acceleration; after that it takes no more commands. A drive that lost its torque does not get it back, and one that stops by
+//! itself keeps it. A fault is never reset here.
 
 use crate::error::BusError;
 use crate::plan::{DevicePlan, DrivePlan};
@@ -40,7 +41,7 @@ fn find(entries: &[Entry], start: usize, index: u16) -> Option<Place> {
     None
 }
 
-/// What is wanted of a drive.
+/// Wanted state of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wanted {
     NoTorque,
@@ -48,13 +49,15 @@ enum Wanted {
     QuickStop,
 }
 
-/// Whether a drive has followed its target since it was enabled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Torque {
-    NotYet,
-    Follows,
-    /// It stopped to follow on its own. It is not enabled again.
-    Lost,
+/// Its objects in the image.
+#[derive(Debug)]
+struct Places {
+    control: Place,
+    status: Place,
+    target: Place,
+    actual: Place,
+    /// Mode of operation and its display, if they are process data.
+    mode: Option<[Place; 2]>,
 }
 
 /// One drive.
@@ -62,18 +65,15 @@ enum Torque {
 pub(crate) struct Drive {
     /// Its device, from 0.
     pub device: usize,
-    control: Place,
-    status: Place,
-    target: Place,
-    actual: Place,
-    /// Mode of operation and its display, if they are process data.
-    mode: Option<[Place; 2]>,
+    places: Places,
     counts_per_unit: f64,
     /// Largest change of the step from tick to tick, in counts.
     brake: f64,
     wanted: Wanted,
-    torque: Torque,
     state: DriveState,
+    /// It had torque, and the last controlword.
+    had_torque: bool,
+    word: u16,
     /// Target in counts, and what it last moved by in a tick.
     counts: f64,
     step: f64,
@@ -99,8 +99,7 @@ impl Drive {
             (Some(_), None) => return Err(missing("6061 (mode display), but 6060 (mode)")),
             (None, _) => None,
         };
-        Ok(Self {
-            device,
+        let places = Places {
             control: output(words::CONTROLWORD).ok_or_else(|| missing("6040 (controlword)"))?,
             target: output(words::TARGET_POSITION)
                 .ok_or_else(|| missing("607A (target position)"))?,
@@ -108,11 +107,16 @@ impl Drive {
             actual: input(words::ACTUAL_POSITION)
                 .ok_or_else(|| missing("6064 (actual position)"))?,
             mode,
+        };
+        Ok(Self {
+            device,
+            places,
             counts_per_unit: drive.counts_per_unit,
             brake: drive.accel * drive.counts_per_unit.abs() * period_s * period_s,
             wanted: Wanted::NoTorque,
-            torque: Torque::NotYet,
             state: DriveState::NotReady,
+            had_torque: false,
+            word: words::DISABLE_VOLTAGE,
             counts: 0.0,
             step: 0.0,
             is_told: false,
@@ -137,7 +141,7 @@ impl Drive {
 
     /// Actual position in counts, and in the unit of the axis.
     pub(crate) fn position(&self, image: &[u8]) -> (f64, f64) {
-        let counts = self.actual.read(image);
+        let counts = self.places.actual.read(image);
         (counts, counts / self.counts_per_unit)
     }
 
@@ -146,13 +150,10 @@ impl Drive {
         (disp * self.counts_per_unit, self.brake.max(2.0))
     }
 
-    /// Takes a command, unless the axis was brought to rest; true if it is beyond the type of the target. Real-time: yes.
+    /// Takes a command; true if it is beyond the type of the target. Real-time: yes.
     pub(crate) fn aim(&mut self, disp: f64) -> bool {
-        if self.has_rested {
-            return false;
-        }
         let counts = disp * self.counts_per_unit;
-        let (low, high) = self.target.kind.range();
+        let (low, high) = self.places.target.kind.range();
         let limited = counts.clamp(low, high);
         self.step = limited - self.counts;
         self.counts = limited;
@@ -160,9 +161,9 @@ impl Drive {
         counts != limited
     }
 
+    /// From here on it is brought to torque. It takes commands again.
     pub(crate) const fn enable(&mut self) {
         self.wanted = Wanted::Operation;
-        self.torque = Torque::NotYet;
         self.has_rested = false;
     }
 
@@ -172,63 +173,75 @@ impl Drive {
 
     pub(crate) const fn disable(&mut self) {
         self.wanted = Wanted::NoTorque;
+        self.had_torque = false;
     }
 
-    /// True if it should have torque and follow its target.
-    pub(crate) fn is_wanted(&self) -> bool {
-        self.wanted == Wanted::Operation
+    /// True if it holds its axis.
+    pub(crate) const fn has_torque(&self) -> bool {
+        matches!(
+            self.state,
+            DriveState::OperationEnabled | DriveState::QuickStopActive
+        )
+    }
+
+    /// True if it had torque, and does not follow its target any more.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.had_torque && self.state != DriveState::OperationEnabled
     }
 
     /// Writes its outputs before an exchange. Real-time: yes.
     pub(crate) fn prepare(&mut self, image: &mut [u8]) {
-        let has_torque = matches!(
-            self.state,
-            DriveState::OperationEnabled | DriveState::QuickStopActive
-        );
-        let word = match self.wanted {
+        self.word = match self.wanted {
             Wanted::NoTorque => words::DISABLE_VOLTAGE,
-            // Torque that is left stays: an axis under load must not fall.
-            Wanted::Operation if self.torque == Torque::Lost && has_torque => words::QUICK_STOP,
-            Wanted::Operation if self.torque == Torque::Lost => words::DISABLE_VOLTAGE,
-            Wanted::Operation if !self.is_in_mode(image) => words::SHUTDOWN,
+            // A state that cannot be read changes nothing.
+            Wanted::Operation if self.had_torque && self.state == DriveState::NotReady => self.word,
+            // A drive in another mode gets no torque.
+            Wanted::Operation if !self.had_torque && !self.is_in_mode(image) => words::SHUTDOWN,
             Wanted::Operation => words::towards_operation(self.state),
             Wanted::QuickStop => words::QUICK_STOP,
         };
-        self.control.write(f64::from(word), image);
-        if let Some([mode, _]) = self.mode {
+        self.places.control.write(f64::from(self.word), image);
+        if let Some([mode, _]) = self.places.mode {
             mode.write(words::CYCLIC_POSITION.into(), image);
         }
-        if !has_torque {
-            (self.counts, self.step) = (self.actual.read(image), 0.0);
-        } else if !std::mem::take(&mut self.is_told) && self.moves() {
+        let is_told = std::mem::take(&mut self.is_told);
+        if !self.has_torque() {
+            (self.counts, self.step) = (self.places.actual.read(image), 0.0);
+        } else if !is_told && self.moves() {
             let slower = (self.step.abs() - self.brake).max(0.0);
-            self.step = slower.copysign(self.step);
-            if slower == 0.0 {
-                self.step = 0.0;
-            }
-            self.counts += self.step;
-            self.has_rested = true;
-        }
-        self.target.write(self.counts, image);
-    }
-
-    /// Reads its inputs after a valid exchange. Real-time: yes.
-    pub(crate) fn read(&mut self, image: &[u8]) {
-        self.state = DriveState::of(self.status.read(image) as u16);
-        if self.wanted == Wanted::Operation {
-            let follows = self.state == DriveState::OperationEnabled && self.is_in_mode(image);
-            self.torque = match self.torque {
-                Torque::Follows if !follows => Torque::Lost,
-                Torque::NotYet if follows => Torque::Follows,
-                same => same,
+            // An axis that can rest at once is at rest.
+            self.has_rested |= slower > 0.0;
+            self.step = if slower > 0.0 {
+                slower.copysign(self.step)
+            } else {
+                0.0
             };
+            self.counts += self.step;
         }
+        self.places.target.write(self.counts, image);
     }
 
     /// True if the drive shows cyclic synchronous position as its mode, or shows none.
     fn is_in_mode(&self, image: &[u8]) -> bool {
-        let display = self.mode.map(|[_, display]| display.read(image));
+        let display = self.places.mode.map(|[_, display]| display.read(image));
         display.is_none_or(|mode| mode == f64::from(words::CYCLIC_POSITION))
+    }
+
+    /// Reads its inputs after a valid exchange. Real-time: yes.
+    pub(crate) fn read(&mut self, image: &[u8]) {
+        self.state = DriveState::of(self.places.status.read(image) as u16);
+        match self.state {
+            // It left its mode on its own: it stops and holds.
+            DriveState::OperationEnabled if self.had_torque && !self.is_in_mode(image) => {
+                self.wanted = Wanted::QuickStop;
+            }
+            DriveState::OperationEnabled => self.had_torque |= self.wanted == Wanted::Operation,
+            DriveState::NotReady => {}
+            // It stops by itself, and holds.
+            DriveState::QuickStopActive if self.had_torque => self.wanted = Wanted::QuickStop,
+            _ if self.had_torque => self.wanted = Wanted::NoTorque,
+            _ => {}
+        }
     }
 }
 
@@ -288,7 +301,8 @@ mod tests {
         ] {
             assert_eq!(word(&mut own, &mut image, state, 0), wanted, "{state:?}");
         }
-        assert!(own.is_wanted());
+        assert!(own.is_lost());
+        own.disable();
         own.enable();
         let again = word(&mut own, &mut image, S::SwitchOnDisabled, 0);
         assert_eq!(again, words::SHUTDOWN);

@@ -45,15 +45,36 @@ pub struct Found {
     pub outputs: Vec<Entry>,
     /// See `outputs`.
     pub inputs: Vec<Entry>,
-    /// What it did not answer.
+    /// Why the description is incomplete.
     pub remark: Option<String>,
 }
 
-/// Counts the devices and brings them to INIT with station addresses.
-fn enumerate(requests: &mut Requests<'_>) -> Result<u16, BusError> {
+/// How long the line is listened to before the first frame: another master is heard then.
+const LISTEN_NS: u64 = 20_000_000;
+
+/// Counts the devices and brings them to INIT with station addresses. Devices in operation are left alone, unless they are to be
+/// released.
+fn enumerate(requests: &mut Requests<'_>, releases: bool) -> Result<u16, BusError> {
+    requests.listen(LISTEN_NS)?;
     let count = requests.ask(Service::Brd, 0, &mut [0])?;
     if count == 0 {
         return Err(BusError::NoDevice);
+    }
+    for index in 0..count {
+        let mut status = [0u8; 6];
+        let address = at(position(index), reg::AL_STATUS);
+        requests.ask(Service::Aprd, address, &mut status)?;
+        let code = u16::from_le_bytes([status[4], status[5]]);
+        match AlState::of(status[0]) {
+            Some(state) if state >= AlState::SafeOp && !releases => {
+                return Err(BusError::InOperation {
+                    position: index + 1,
+                    state,
+                    code,
+                });
+            }
+            _ => {}
+        }
     }
     let init = [AlState::Init as u8 | reg::AL_ERROR, 0];
     requests.write_all(reg::AL_CONTROL, &init)?;
@@ -111,14 +132,15 @@ fn set_manager(
     requests.write(station, register, &bytes)
 }
 
-/// Lists the devices of a line, and what they map. Writes no process data; the devices are left in INIT.
+/// Lists the devices of a line, and what they map. Writes no process data; the devices are left in INIT. `releases`: also devices that
+/// are in operation, whose outputs may then end.
 ///
 /// # Errors
 /// No device answers, or the line is down.
-pub fn scan(line: &mut dyn Line, source: [u8; 6]) -> Result<Vec<Found>, BusError> {
+pub fn scan(line: &mut dyn Line, source: [u8; 6], releases: bool) -> Result<Vec<Found>, BusError> {
     let mut requests = Requests::new(line, source);
     let states = states_before(&mut requests)?;
-    let count = enumerate(&mut requests)?;
+    let count = enumerate(&mut requests, releases)?;
     let mut all = Vec::with_capacity(count.into());
     for index in 0..count {
         let mut station = Station::new(&format!("{}", index + 1), FIRST_STATION + index);
@@ -231,7 +253,7 @@ fn mapping(
     Ok(all)
 }
 
-/// The same as entries of the test file. The dictionary does not tell signed from unsigned: a signed integer is assumed where the
+/// The mapping as entries of the test file. The dictionary does not tell signed from unsigned: a signed integer is assumed where the
 /// object is no word of flags.
 fn mapped(
     requests: &mut Requests<'_>,
@@ -261,7 +283,7 @@ fn mapped(
     })
 }
 
-/// The same with single bits put together: those that follow each other are one entry, named by the first of them.
+/// Puts single bits together: bits that follow each other are one entry, named by the first of them.
 fn in_bytes(entries: &[(Object, u8)]) -> Vec<(Object, u32)> {
     let mut all: Vec<(Object, u32)> = Vec::new();
     let mut is_open = false;
@@ -462,7 +484,7 @@ fn interpolation_time(period_ns: u64) -> Option<(u8, i8)> {
     })
 }
 
-/// A device with what was found of it.
+/// A device with its station and its EEPROM.
 pub(crate) struct Known<'p> {
     pub plan: &'p DevicePlan,
     pub station: Station,
@@ -479,7 +501,8 @@ pub fn bring_up(
     source: [u8; 6],
 ) -> Result<Box<Bus>, BusError> {
     let mut requests = Requests::new(line.as_mut(), source);
-    let found = enumerate(&mut requests)?;
+    requests.patience_ns = plan.patience_ns;
+    let found = enumerate(&mut requests, false)?;
     if usize::from(found) != plan.devices.len() {
         let wanted = plan.devices.len();
         return Err(BusError::Count { found, wanted });
@@ -736,7 +759,7 @@ pub fn reset_faults(
     source: [u8; 6],
 ) -> Result<Vec<String>, BusError> {
     let mut requests = Requests::new(line, source);
-    let found = enumerate(&mut requests)?;
+    let found = enumerate(&mut requests, false)?;
     if usize::from(found) != plan.devices.len() {
         let wanted = plan.devices.len();
         return Err(BusError::Count { found, wanted });

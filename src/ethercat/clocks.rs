@@ -9,7 +9,7 @@ use crate::wire::register as reg;
 /// Readings by which the clocks of the devices lock to the reference before SYNC0 starts.
 const SETTLING: u32 = 500;
 /// From now to the first SYNC0, and its place in the tick.
-const START_NS: u64 = 50_000_000;
+const START_NS: u64 = 300_000_000;
 const SYNC_SHARE: (u64, u64) = (3, 10);
 /// Value that resets the filters of a clock.
 const FILTER: [u8; 2] = [0x00, 0x10];
@@ -58,13 +58,11 @@ pub(crate) fn start(
             continue;
         }
         let local = u64::from_le_bytes(requests.read(station, reg::DC_LOCAL_RECEIVE)?);
-        // The time of the bus needs 64 bits: 32 bits begin anew every 4.3 s.
-        if features & reg::HAS_LONG_CLOCK != 0 {
-            reference.get_or_insert((station.address, local));
-        }
-        let Some((_, first)) = reference else {
+        // The loop follows a clock of 64 bits: a shorter one starts again every 4 s.
+        if reference.is_none() && features & reg::HAS_LONG_CLOCK == 0 {
             continue;
-        };
+        }
+        let (_, first) = *reference.get_or_insert((station.address, local));
         // All clocks show that of the reference at the moment when the frame passed.
         let offset = first.wrapping_add(delay.into()).wrapping_sub(local);
         requests.write(station, reg::DC_OFFSET, &offset.to_le_bytes())?;

@@ -21,9 +21,7 @@ use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use gusset_wire::process_data::Entry;
 
-/// How long a change of state and a drive may take.
-const PATIENCE_NS: u64 = 5_000_000_000;
-/// Of the period, how long a reply is awaited at most.
+/// Longest wait for a reply, as a share of the period.
 const REPLY_SHARE: (u64, u64) = (3, 4);
 
 /// Most bytes of process data: the frame has to hold the clock and two states besides.
@@ -38,7 +36,7 @@ pub(crate) struct Member {
     pub inputs: Range<usize>,
 }
 
-/// What the last exchange was.
+/// Result of the last exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     /// Complete.
@@ -69,7 +67,7 @@ pub struct Bus {
     tally: Tally,
 }
 
-/// What is known of the exchanges.
+/// Results and counts of the exchanges.
 #[derive(Debug)]
 struct Tally {
     index: u8,
@@ -228,7 +226,7 @@ impl Bus {
         tally.asked = (tally.asked + 1) % self.members.len().max(1);
         tally.outcome = Outcome::Silent;
         if tally.stale > 0 {
-            // Something is wrong: all are asked, from the first on, as far as the frame has room.
+            // Something is wrong: the state of every device is read, from the first on, as far as the frame has room.
             tally.asked = 0;
         }
         let stations = self.members.iter().map(|one| one.station);
@@ -306,11 +304,12 @@ impl Bus {
             self.judge(length);
         }
         let is_valid = self.tally.outcome == Outcome::Valid;
-        if !is_valid {
-            self.tally.stale = self.tally.stale.saturating_add(1);
-        } else if self.plan.sample_after_ns.is_none() {
-            self.tally.stale = 0;
-        }
+        self.tally.stale = match (is_valid, self.plan.sample_after_ns) {
+            (false, _) => self.tally.stale.saturating_add(1),
+            (true, None) => 0,
+            // The tick is complete with its sample.
+            (true, Some(_)) => self.tally.stale,
+        };
         is_valid
     }
 
@@ -355,16 +354,16 @@ impl Bus {
         let counter = self.members.iter().fold(0u16, |sum, member| {
             sum + u16::from(!member.inputs.is_empty()) + 2 * u16::from(!member.outputs.is_empty())
         });
+        let is_whole = image.data.len() == self.image.len();
+        if !all_wanted || !is_whole || image.counter(frame) != counter {
+            tally.outcome = Outcome::Incomplete;
+            return;
+        }
         if let (Some(time), Some(follower)) = (time, &mut self.follower)
             && let Some(bytes) = time.bytes(frame).first_chunk()
             && time.counter(frame) > 0
         {
             follower.read(u64::from_le_bytes(*bytes), tally.sent);
-        }
-        let is_whole = image.data.len() == self.image.len();
-        if !all_wanted || !is_whole || image.counter(frame) != counter {
-            tally.outcome = Outcome::Incomplete;
-            return;
         }
         tally.outcome = Outcome::Valid;
         tally.culprit = None;
@@ -432,8 +431,16 @@ impl Bus {
         false
     }
 
-    /// One whole exchange beside the loop.
-    pub(crate) fn exchange(&mut self) -> bool {
+    /// Brings all devices to OP with unchanged outputs.
+    ///
+    /// # Errors
+    /// A device refuses.
+    pub fn to_op(&mut self) -> Result<(), BusError> {
+        self.go_to(AlState::Op, &mut || true)
+    }
+
+    /// One whole exchange beside the loop; true if it was complete.
+    pub fn exchange(&mut self) -> bool {
         self.send();
         let deadline = self.reply_ends();
         let is_valid = self.receive(deadline);
@@ -456,7 +463,7 @@ impl Bus {
 
     /// A moment of the loop's clock on the clock of this machine.
     pub(crate) fn on_machine(&self, at: Nanos) -> Nanos {
-        let offset = self.follower.as_ref().map_or(0, Follower::offset_ns);
+        let offset = self.follower.as_ref().map_or(0, Follower::lead_ns);
         Nanos(at.0.wrapping_add_signed(offset.wrapping_neg()))
     }
 
@@ -466,7 +473,7 @@ impl Bus {
         mut is_done: impl FnMut(&mut Self) -> Result<bool, BusError>,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<bool, BusError> {
-        let until = self.line.now().plus(PATIENCE_NS);
+        let until = self.line.now().plus(self.plan.patience_ns);
         loop {
             let edge = self.next_edge();
             self.line.wait_until(edge);

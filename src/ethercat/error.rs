@@ -17,9 +17,26 @@ pub enum BusError {
     /// The devices cannot be simulated.
     #[error("the simulated bus cannot be made: {0}")]
     Simulation(String),
+    /// The system gives no thread.
+    #[error("the system gives no thread for the bus")]
+    NoKeeper,
     /// No device answers.
     #[error("no device answers: look at the cable to the first device and at its power")]
     NoDevice,
+    /// A device is in operation: another program commands the bus, or a program ended without leaving it.
+    #[error(
+        "device {position} is in {} (AL status code {code:#06x}): another program may use the bus, or its outputs may hold a specimen. \
+         Make sure that nothing is loaded; then `gusset bus scan INTERFACE --release` releases the devices",
+        state.name()
+    )]
+    InOperation {
+        /// Its position on the bus, from 1.
+        position: u16,
+        /// Its state.
+        state: AlState,
+        /// Its AL status code.
+        code: u16,
+    },
     /// More or fewer devices than the test file has.
     #[error("{found} devices answer, but the test file has {wanted}: `gusset bus scan` lists them")]
     Count {
@@ -48,7 +65,7 @@ pub enum BusError {
     Silent {
         /// Its name.
         device: String,
-        /// What was asked.
+        /// The request.
         what: &'static str,
     },
     /// A device refuses a state, or has left it.
@@ -77,7 +94,7 @@ pub enum BusError {
         sub: u8,
         /// Its abort code, if it gave one.
         abort: Option<u32>,
-        /// What it says.
+        /// Its answer.
         why: String,
     },
     /// The process data of a device differ from the test file.
@@ -118,7 +135,7 @@ pub enum BusError {
         wanted_us: u64,
     },
     /// No device has a distributed clock.
-    #[error("no device has a distributed clock: use `clock = \"free\"`")]
+    #[error("no device has a distributed clock of 64 bits: use `clock = \"free\"`")]
     NoClock,
     /// A drive must not have torque.
     #[error("drive `{device}`: {why}")]
@@ -148,7 +165,7 @@ pub enum BusError {
     Stale {
         /// Successive ticks.
         ticks: u32,
-        /// What was missing.
+        /// The missing part.
         what: String,
     },
     /// An axis that was brought to rest got a command.

@@ -16,11 +16,15 @@ const PROPORTIONAL: f64 = 0.3;
 const INTEGRAL: f64 = 0.05;
 /// Largest change of the offset in a tick, as a share of the period.
 const MOST: f64 = 0.01;
+/// Largest deviation of a clock, as a share.
+const MOST_DRIFT: f64 = 500e-6;
 
 /// Relation between the clock of this machine and that of the bus.
 #[derive(Debug, Default)]
 pub struct BusTime {
-    /// Bus time less the time of this machine, in ns.
+    /// Bus time less the time of this machine at the first exchange, in ns: the loop's clock begins like that of this machine.
+    base: AtomicI64,
+    /// Change of this difference since then, in ns.
     offset: AtomicI64,
     /// Deviation of the bus clock in ppm, as bits.
     ppm: AtomicU64,
@@ -31,7 +35,7 @@ impl BusTime {
         self.offset.load(Ordering::Acquire)
     }
 
-    /// Deviation of the bus clock from the clock of this machine in ppm; NaN as long as it is not known. Real-time: yes.
+    /// Deviation of the bus clock from the clock of this machine in ppm; NaN before it is known. Real-time: yes.
     #[must_use]
     pub fn ppm(&self) -> f64 {
         match self.ppm.load(Ordering::Relaxed) {
@@ -46,10 +50,11 @@ impl BusTime {
 pub(crate) struct Follower {
     time: Arc<BusTime>,
     period_ns: f64,
-    /// Offset in ns, with its fraction, and its change per tick.
+    /// First deviation in ns; offset from it, with its fraction; and the change of the offset per tick.
+    base: i64,
     offset: f64,
     drift: f64,
-    /// What is left of the last correction, in ns.
+    /// Rest of the last correction, in ns.
     correction: f64,
     least: f64,
     readings: u32,
@@ -61,6 +66,7 @@ impl Follower {
         Self {
             time,
             period_ns: period_ns as f64,
+            base: 0,
             offset: 0.0,
             drift: 0.0,
             correction: 0.0,
@@ -75,18 +81,23 @@ impl Follower {
         let deviation = bus_ns.wrapping_sub(sent.0) as i64;
         if !self.is_set {
             self.is_set = true;
-            self.offset = deviation as f64;
-            self.publish();
+            self.base = deviation;
+            self.time.base.store(deviation, Ordering::Release);
             return;
         }
-        let error = deviation as f64 - self.offset;
+        let error = deviation.wrapping_sub(self.base) as f64 - self.offset;
+        if error.abs() > 0.5 * self.period_ns {
+            // A clock does not jump: the reading is wrong.
+            return;
+        }
         if error < self.least {
             self.least = error;
         }
         self.readings += 1;
         if self.readings == READINGS {
             let ticks = f64::from(READINGS);
-            self.drift += INTEGRAL * self.least / ticks;
+            let most = MOST_DRIFT * self.period_ns;
+            self.drift = (self.drift + INTEGRAL * self.least / ticks).clamp(-most, most);
             self.correction = PROPORTIONAL * self.least;
             (self.readings, self.least) = (0, f64::INFINITY);
             self.time.ppm.store(
@@ -103,6 +114,11 @@ impl Follower {
 
     /// Bus time less the time of this machine, in ns. Real-time: yes.
     pub(crate) const fn offset_ns(&self) -> i64 {
+        self.base.wrapping_add(self.lead_ns())
+    }
+
+    /// Time of the loop's clock less the time of this machine, in ns. Real-time: yes.
+    pub(crate) const fn lead_ns(&self) -> i64 {
         self.offset as i64
     }
 
@@ -113,7 +129,7 @@ impl Follower {
     }
 }
 
-/// A clock that shows bus time.
+/// A clock that runs like that of the bus, and began like that of this machine.
 pub struct FollowingClock {
     below: Box<dyn Clock>,
     time: Arc<BusTime>,
@@ -153,7 +169,7 @@ impl Clock for FollowingClock {
         let offset = self.time.offset();
         self.below
             .sleep_until(Nanos(at.0.wrapping_add_signed(offset.wrapping_neg())));
-        // The offset may have changed meanwhile: the edge comes when the bus says so.
+        // The offset may have changed meanwhile: the edge comes by the clock of the bus.
         while self.now() < at {
             if self.is_simulated() {
                 let missing = at.since(self.now());
@@ -168,7 +184,9 @@ impl Clock for FollowingClock {
     }
 
     fn grid_start(&self, earliest: Nanos) -> Nanos {
-        Nanos(earliest.0.next_multiple_of(self.period_ns))
+        let base = self.time.base.load(Ordering::Acquire);
+        let phase = earliest.0.wrapping_add_signed(base) % self.period_ns;
+        earliest.plus((self.period_ns - phase) % self.period_ns)
     }
 }
 
@@ -177,10 +195,10 @@ mod tests {
     use super::*;
     use gusset_quantity::time::SimClock;
 
-    /// Reading noise: frames are late by up to 20 µs, and every 50th by 300 µs more.
+    /// Reading noise: frames are late by up to 20 µs, and every 50th by 700 µs more.
     fn late(k: u64) -> u64 {
         let dice = k.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(99) >> 40;
-        dice % 20_000 + if k.is_multiple_of(50) { 300_000 } else { 0 }
+        dice % 20_000 + if k.is_multiple_of(50) { 700_000 } else { 0 }
     }
 
     #[test]
@@ -194,13 +212,16 @@ mod tests {
             let bus = |mono: u64| 77_000_000_123 + (mono as f64 * (1.0 + 1e-6 * ppm)) as u64;
             follower.read(bus(0), Nanos(0));
             let start = clock.grid_start(clock.now().plus(PERIOD));
-            assert_eq!(start.0 % PERIOD, 0);
+            let base = time.base.load(Ordering::Acquire) as u64;
+            assert_eq!((start.0 + base) % PERIOD, 0);
+            assert!(clock.now().0 < PERIOD);
             let (mut before, mut worst, mut jump) = (0, 0.0f64, 0.0f64);
             for k in 0..20_000 {
                 clock.sleep_until(start.plus(k * PERIOD));
                 let sent = sim.now();
                 follower.read(bus(sent.0) + late(k), sent);
-                let phase = (bus(sent.0) as f64 - start.plus(k * PERIOD).0 as f64).abs();
+                let edge = start.plus(k * PERIOD + base);
+                let phase = (bus(sent.0) as f64 - edge.0 as f64).abs();
                 if k > 2_000 {
                     worst = worst.max(phase);
                 }

@@ -30,4 +30,4 @@ pub use cycle::Bus;
 pub use error::BusError;
 pub use follow::{BusTime, FollowingClock};
 pub use port::BusPort;
-pub use shared::{Opener, SharedBus};
+pub use shared::{Keeper, Opener, SharedBus};

@@ -1,4 +1,4 @@
-//! What a test file says about a bus: its devices, their process data and its clock.
+//! A bus as the test file describes it: its devices, their process data and its clock.
 
 use gusset_wire::process_data::{Entry, SetupWrite};
 
@@ -74,7 +74,7 @@ pub struct Check {
     pub at: EntryPlace,
     /// Bits that count.
     pub mask: u32,
-    /// What they must be.
+    /// Their right value.
     pub equals: u32,
 }
 
@@ -94,7 +94,7 @@ pub struct AxisPlan {
     pub command: CommandPlan,
     /// Its force.
     pub force: Scaled,
-    /// Its displacement; that of the drive, or else the command, if there is none.
+    /// Its displacement. Default: that of the drive, or else the command.
     pub disp: Option<Scaled>,
     /// Flags of its sensors.
     pub good: Vec<Check>,
@@ -124,6 +124,8 @@ pub struct BusPlan {
     pub watchdog_ns: u64,
     /// Share of the tick after which the inputs are read again; none: the inputs of the exchange count.
     pub sample_after_ns: Option<u64>,
+    /// How long a change of state, or a drive on its way to torque, may take, in ns.
+    pub patience_ns: u64,
     /// Successive ticks without a valid exchange after which the bus is lost.
     pub stale_ticks: u32,
 }

@@ -2,7 +2,7 @@
 //!
 //! `connect` brings the bus to SAFE-OP: sensors are live and outputs are off. `arm` brings it to OP, with the outputs at the standing
 //! command and drives at their actual position, and gives drives torque. `issue` and `collect` are on the path of a tick. Where a drive
-//! or an output holds the axis, `settle` says so: torque and outputs end in `retire`, when the operator has said that the axis is
+//! or an output holds the axis, `settle` reports it: torque and outputs end in `retire`, when the operator has said that the axis is
 //! unloaded.
 
 use std::sync::Arc;
@@ -19,7 +19,6 @@ use crate::error::BusError;
 use crate::line::LineFault;
 use crate::plan::{Check, CommandPlan, Scaled, SpecimenPlan};
 use crate::shared::{Held, SharedBus, Stage};
-use crate::wire::drive::DriveState;
 use crate::wire::register::AlState;
 
 /// The remark of every test on devices that are not simulated.
@@ -143,6 +142,67 @@ impl Places {
         }
     }
 
+    /// Whether all drives are where these commands send them.
+    fn are_at(&self, disp: &[f64], bus: &mut Bus) -> Result<(), BusError> {
+        for (mover, disp) in self.movers.iter().zip(disp) {
+            let Mover::Drive(drive) = mover else {
+                continue;
+            };
+            let Some((drive, image)) = bus.drive(*drive) else {
+                continue;
+            };
+            let (wanted, tolerance) = drive.in_counts(*disp);
+            let (found, _) = drive.position(image);
+            let device = drive.device;
+            if (found - wanted).abs() > tolerance {
+                return Err(BusError::Moved {
+                    device: bus.name(device).to_owned(),
+                    found,
+                    wanted,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Exchanges until all drives have torque.
+    fn await_torque(
+        &self,
+        bus: &mut Bus,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BusError> {
+        let drives = &self.drives;
+        let enabled = |bus: &mut Bus| {
+            let mut faulty = drives.iter().filter_map(|index| {
+                let (drive, _) = bus.drive(*index)?;
+                drive.state().is_fault().then_some(drive.device)
+            });
+            match faulty.next() {
+                Some(device) => Err(BusError::Drive {
+                    device: bus.name(device).to_owned(),
+                    why: "it has a fault: remove its cause, then `gusset bus reset`".to_owned(),
+                }),
+                None => Ok(bus.have_torque(drives)),
+            }
+        };
+        if bus.exchange_until(enabled, wanted)? {
+            return Ok(());
+        }
+        let mut without = drives.iter().copied();
+        let first = without.find(|index| !bus.have_torque(&[*index]));
+        let state = first.and_then(|index| Some(bus.drive(index)?.0));
+        Err(match state {
+            Some(drive) => {
+                let (device, state) = (drive.device, drive.state());
+                BusError::Drive {
+                    device: bus.name(device).to_owned(),
+                    why: format!("it stays in \"{}\" and gets no torque", state.name()),
+                }
+            }
+            None => bus.complaint().unwrap_or(BusError::NoDevice),
+        })
+    }
+
     fn all_right(flags: &[Flags], bus: &mut Bus) -> bool {
         flags.iter().all(|flags| flags.are_right(bus.image()))
     }
@@ -160,6 +220,8 @@ pub struct BusPort {
     /// Command that the newest inputs answer, and the last one.
     answered: u64,
     issued: u64,
+    /// The last command whose exchange was complete.
+    delivered: u64,
     /// The last command of each axis.
     disp: Vec<f64>,
     complaint: Option<String>,
@@ -182,6 +244,7 @@ impl BusPort {
             is_saturated: false,
             answered: 0,
             issued: 0,
+            delivered: 0,
             complaint: None,
             has_left: None,
             stats: LinkStats::default(),
@@ -200,8 +263,13 @@ impl BusPort {
         let axes = self.plan.axes.len();
         let all_drives = places.drives.len() == axes;
         let standing = if all_drives {
-            (0..axes)
-                .filter_map(|axis| places.disp(axis, bus))
+            // The command that moves nothing is the drive's own position, whatever another sensor reads.
+            let drives = places.drives.iter();
+            drives
+                .filter_map(|drive| {
+                    let (drive, image) = bus.drive(*drive)?;
+                    Some(drive.position(image).1)
+                })
                 .collect()
         } else {
             Vec::new()
@@ -235,7 +303,7 @@ impl BusPort {
         })
     }
 
-    /// Brings the bus to OP, and gives its drives torque.
+    /// Brings the bus to OP, and gives its drives torque. A drive that does not get it is left without.
     fn arm_on(
         &mut self,
         bus: &mut Bus,
@@ -246,60 +314,29 @@ impl BusPort {
         if !Places::all_right(&places.interlock, bus) {
             return Err(BusError::Interlock);
         }
+        places.are_at(disp, bus)?;
         if bus.state() != AlState::Op {
+            self.shared.set_live();
             bus.go_to(AlState::Op, wanted)?;
         }
-        for (mover, disp) in places.movers.iter().zip(disp) {
-            let Mover::Drive(drive) = mover else {
-                continue;
-            };
-            let Some((drive, image)) = bus.drive(*drive) else {
-                continue;
-            };
-            let (counts, tolerance) = drive.in_counts(*disp);
-            let (found, _) = drive.position(image);
-            let device = drive.device;
-            if (found - counts).abs() > tolerance {
-                return Err(BusError::Moved {
-                    device: bus.name(device).to_owned(),
-                    found,
-                    wanted: counts,
-                });
+        for index in &places.drives {
+            if let Some((drive, _)) = bus.drive(*index) {
+                drive.enable();
             }
-            drive.enable();
         }
-        let drives = &places.drives;
-        let enabled = |bus: &mut Bus| {
-            for index in drives {
+        let armed = places.await_torque(bus, wanted);
+        // It may have sagged meanwhile: the first command must not be a step.
+        let armed = armed.and_then(|()| places.are_at(disp, bus));
+        if armed.is_err() {
+            for index in &places.drives {
                 if let Some((drive, _)) = bus.drive(*index)
-                    && drive.state().is_fault()
+                    && !drive.has_torque()
                 {
-                    let device = drive.device;
                     drive.disable();
-                    return Err(BusError::Drive {
-                        device: bus.name(device).to_owned(),
-                        why: "it has a fault: remove its cause, then `gusset bus reset`".to_owned(),
-                    });
                 }
             }
-            Ok(bus.have_torque(drives))
-        };
-        if bus.exchange_until(enabled, wanted)? {
-            return Ok(());
         }
-        let mut without = drives.iter().copied();
-        let first = without.find(|index| !bus.have_torque(&[*index]));
-        let state = first.and_then(|index| Some(bus.drive(index)?.0));
-        Err(match state {
-            Some(drive) => {
-                let (device, state) = (drive.device, drive.state());
-                BusError::Drive {
-                    device: bus.name(device).to_owned(),
-                    why: format!("it stays in \"{}\" and gets no torque", state.name()),
-                }
-            }
-            None => bus.complaint().unwrap_or(BusError::NoDevice),
-        })
+        armed
     }
 
     /// Receives the inputs of this tick, once for all specimens of the bus. Real-time: yes.
@@ -331,11 +368,9 @@ impl BusPort {
             return Status::default();
         };
         let mut status = Status::default();
-        let lost_torque = places.drives.iter().any(|index| {
-            bus.drive(*index).is_some_and(|(drive, _)| {
-                drive.is_wanted() && drive.state() != DriveState::OperationEnabled
-            })
-        });
+        let mut drives = places.drives.iter();
+        let lost_torque =
+            drives.any(|index| bus.drive(*index).is_some_and(|(drive, _)| drive.is_lost()));
         if lost_torque || !Places::all_right(&places.interlock, bus) {
             status.0 |= Status::INTERLOCK.0;
         }
@@ -381,7 +416,7 @@ impl Substructure for BusPort {
     }
 
     fn holder(&self) -> Holder {
-        if self.is_armed {
+        if self.is_armed || self.shared.is_live() {
             Holder::ItsWatchdog
         } else {
             Holder::NeverArmed
@@ -434,6 +469,7 @@ impl Substructure for BusPort {
         self.shared.put_back(held);
         self.shared.set_idle(true);
         self.answered = sequence.saturating_sub(1);
+        self.delivered = self.answered;
         match outcome {
             Ok(()) => {
                 self.is_armed = true;
@@ -462,6 +498,9 @@ impl Substructure for BusPort {
                 let edge = held.bus.next_edge();
                 held.bus.wait_until(edge);
             }
+            if held.written > 0 {
+                held.expected = held.written;
+            }
             (held.stage, held.written) = (Stage::Writing, 0);
         }
         let movers = self.places.iter().flat_map(|places| &places.movers);
@@ -486,7 +525,7 @@ impl Substructure for BusPort {
             *own = *disp;
         }
         held.written += 1;
-        if held.written == self.shared.specimens() - held.retired {
+        if held.stage == Stage::Writing && held.written >= held.expected {
             held.bus.send();
             held.stage = Stage::Sent;
         }
@@ -505,9 +544,9 @@ impl Substructure for BusPort {
         let loss = Self::loss(&held.bus);
         self.stats = held.bus.stats();
         if is_valid {
-            let before = self.issued.saturating_sub(1);
             let same = held.bus.plan().sample_after_ns.is_some();
-            self.answered = if same { self.issued } else { before };
+            self.answered = if same { self.issued } else { self.delivered };
+            self.delivered = self.issued;
         }
         if let Some(places) = &self.places {
             for (axis, (force, disp)) in into.force.iter_mut().zip(&mut into.disp).enumerate() {
@@ -533,36 +572,42 @@ impl Substructure for BusPort {
     }
 
     fn settle(&mut self, how: Retirement) -> bool {
+        let holds = self.shared.is_live() && !self.is_simulated;
         let Some(mut held) = self.shared.take() else {
-            return false;
+            return holds;
         };
         // Nothing is commanded any more: targets that move come to rest.
-        let drives = self
-            .places
-            .as_ref()
-            .map_or(&[][..], |places| &places.drives);
+        let places = self.places.as_ref();
+        let drives = places.map_or(&[][..], |places| &places.drives);
         let rest = |bus: &mut Bus| {
             let moves = |index: &usize| bus.drive(*index).is_some_and(|(drive, _)| drive.moves());
-            let drives: Vec<usize> = drives.iter().copied().filter(moves).collect();
-            Ok(drives.is_empty())
+            Ok(!drives.iter().any(moves))
         };
         if let Some(error) = held.bus.complaint() {
             self.complaint.get_or_insert_with(|| error.to_string());
         }
         let _ = held.bus.exchange_until(rest, &mut || true);
-        if matches!(how, Retirement::Tripped | Retirement::Abandoned) {
-            for index in drives {
-                if let Some((drive, _)) = held.bus.drive(*index)
-                    && drive.state() == DriveState::OperationEnabled
-                {
-                    drive.quick_stop();
-                }
+        let tripped = matches!(how, Retirement::Tripped | Retirement::Abandoned);
+        for index in drives {
+            let Some((drive, _)) = held.bus.drive(*index) else {
+                continue;
+            };
+            let (device, state, lost) = (drive.device, drive.state(), drive.is_lost());
+            if !drive.has_torque() {
+                // It must not get torque again while people are at the specimen.
+                drive.disable();
+            } else if tripped {
+                drive.quick_stop();
             }
-            held.bus.exchange();
+            if lost && self.complaint.is_none() {
+                let name = held.bus.name(device).to_owned();
+                self.complaint = Some(format!("drive `{name}` is in \"{}\"", state.name()));
+            }
         }
+        held.bus.exchange();
         self.shared.put_back(held);
         self.shared.set_idle(true);
-        self.is_armed && !self.is_simulated
+        holds
     }
 
     fn has_acknowledged(&self) -> Option<bool> {
@@ -570,7 +615,7 @@ impl Substructure for BusPort {
     }
 
     fn retire(&mut self, _: Retirement) {
-        self.has_left = self.is_armed.then_some(false);
+        self.has_left = self.shared.is_live().then_some(false);
         let Some(mut held) = self.shared.take() else {
             return;
         };
@@ -594,7 +639,7 @@ impl Substructure for BusPort {
         } else {
             held.bus.exchange()
         };
-        self.has_left = self.is_armed.then_some(has_left);
+        self.has_left = self.shared.is_live().then_some(has_left);
         if !is_last {
             self.shared.put_back(held);
             return;

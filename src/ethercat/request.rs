@@ -67,6 +67,8 @@ pub(crate) struct Requests<'l> {
     pub line: &'l mut dyn Line,
     source: [u8; 6],
     index: u8,
+    /// How long a change of state may take, in ns.
+    pub patience_ns: u64,
     out: [u8; LONGEST],
     back: [u8; LONGEST],
 }
@@ -77,9 +79,22 @@ impl<'l> Requests<'l> {
             line,
             source,
             index: 0,
+            patience_ns: STATE_NS,
             out: [0; LONGEST],
             back: [0; LONGEST],
         }
+    }
+
+    /// Listens for the frames of another master.
+    pub(crate) fn listen(&mut self, ns: u64) -> Result<(), BusError> {
+        let until = self.line.now().plus(ns);
+        while let Some(length) = self.line.receive(&mut self.back, until)? {
+            let frame = self.back.get(..length).unwrap_or_default();
+            if !is_ours(frame, self.source) {
+                return Err(LineFault::Foreign.into());
+            }
+        }
+        Ok(())
     }
 
     /// Sends a datagram and takes the data that come back; the working counter, 0 if no frame came back.
@@ -233,7 +248,7 @@ impl<'l> Requests<'l> {
         station: &Station,
         wanted: AlState,
     ) -> Result<(), BusError> {
-        let until = self.line.now().plus(STATE_NS);
+        let until = self.line.now().plus(self.patience_ns);
         loop {
             let (found, error, code) = self.state(station)?;
             if found == Some(wanted) && !error {
@@ -320,7 +335,7 @@ impl<'l> Requests<'l> {
         };
         let until = self.line.now().plus(MAILBOX_NS);
         let mut emergency = None;
-        // What it sent before is no answer.
+        // An earlier message is no answer.
         while self.is_full(station, 1)? {
             self.mailbox(station, send)?;
         }

@@ -1,11 +1,11 @@
-//! A bus that several specimens share, and that nobody forgets.
+//! A bus that several specimens share, with a keeper for the time without a loop.
 //!
-//! The bus lies in a slot with room for one. Whoever needs it takes it out and puts it back: the loop in each tick, the keeper while the
+//! The bus lies in a slot with room for one. Its user takes it out and puts it back: the loop in each tick, the keeper while the
 //! loop does not exchange. So process data flow from SAFE-OP to the last message, also while an operator or a client is awaited.
-//! Taking it is one exchange of atomic words; a wait happens only where the keeper has it, which is never while the loop runs.
+//! Taking it is one exchange of atomic words; the loop waits only while the keeper exchanges, which is never during a test.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -18,8 +18,9 @@ use crate::follow::BusTime;
 use crate::line::Line;
 use crate::plan::BusPlan;
 
-/// How long the bus is awaited where the keeper has it: an exchange, and the time that the system may take for it.
-const HAND_OVER: Duration = Duration::from_millis(200);
+/// Longest wait for the bus while the keeper exchanges, and the same in ticks.
+const HAND_OVER_NS: u64 = 200_000_000;
+const HAND_OVER_TICKS: u64 = 3;
 /// Ticks of silence after which the keeper exchanges in place of the loop.
 const SILENT_TICKS: u64 = 4;
 /// Shortest such silence in ns: a loop that was preempted comes back.
@@ -27,6 +28,20 @@ const SILENT_NS: u64 = 5_000_000;
 
 /// Opens the line: it may wait, and ask the system.
 pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Line>, BusError> + Send>;
+
+/// Means of the keeper of a bus.
+pub struct Keeper {
+    /// The clock of this machine.
+    pub clock: Box<dyn Clock>,
+    /// Called first on its thread, which asks the system for real-time conditions.
+    pub prepare: Box<dyn FnOnce() + Send>,
+}
+
+impl std::fmt::Debug for Keeper {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Keeper")
+    }
+}
 
 /// Where a tick is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,10 +61,12 @@ pub(crate) struct Held {
     pub stage: Stage,
     /// Specimens that have written their command in this tick, and those that were retired.
     pub written: usize,
+    /// Specimens whose commands the frame of a tick waits for: those that wrote in the tick before.
+    pub expected: usize,
     pub retired: usize,
 }
 
-/// What the specimens of a bus share.
+/// State that the specimens of a bus share.
 pub struct SharedBus {
     plan: BusPlan,
     source: [u8; 6],
@@ -57,7 +74,7 @@ pub struct SharedBus {
     time: Arc<BusTime>,
     opener: Mutex<Option<Opener>>,
     /// Clock of the keeper; none on simulated time, where nothing happens beside the loop.
-    clock: Mutex<Option<Box<dyn Clock>>>,
+    clock: Mutex<Option<Keeper>>,
     is_on_simulated_time: bool,
     keeper: Mutex<Option<JoinHandle<()>>>,
     put: Sender<Box<Held>>,
@@ -65,7 +82,11 @@ pub struct SharedBus {
     /// The loop does not exchange.
     is_idle: AtomicBool,
     is_over: AtomicBool,
+    /// Some device may be in OP: outputs or torque hold the specimens.
+    is_live: AtomicBool,
+    /// When the last exchange began, and when the next one of the keeper is due.
     used_ns: AtomicU64,
+    edge_ns: AtomicU64,
 }
 
 impl std::fmt::Debug for SharedBus {
@@ -77,14 +98,14 @@ impl std::fmt::Debug for SharedBus {
 }
 
 impl SharedBus {
-    /// A bus of this plan for so many specimens, which is not connected yet. `source` is the sender of our frames. `clock` is that of
+    /// A bus of this plan, which is not connected yet. `source` is the sender of our frames. `clock` is that of
     /// the keeper: none on simulated time.
     #[must_use]
     pub fn new(
         plan: BusPlan,
         (source, specimens): ([u8; 6], usize),
         opener: Opener,
-        clock: Option<Box<dyn Clock>>,
+        clock: Option<Keeper>,
     ) -> Arc<Self> {
         let (put, slot) = bounded(1);
         Arc::new(Self {
@@ -100,7 +121,9 @@ impl SharedBus {
             slot,
             is_idle: AtomicBool::new(true),
             is_over: AtomicBool::new(false),
+            is_live: AtomicBool::new(false),
             used_ns: AtomicU64::new(0),
+            edge_ns: AtomicU64::new(0),
         })
     }
 
@@ -151,15 +174,20 @@ impl SharedBus {
             bus,
             stage: Stage::Done(true),
             written: 0,
+            expected: self.specimens,
             retired: 0,
         }));
         let clock = self.clock.lock().ok().and_then(|mut clock| clock.take());
         if let Some(clock) = clock {
-            let shared = Arc::clone(self);
+            let shared = Arc::downgrade(self);
             let thread = std::thread::Builder::new().name("gusset-bus".into());
-            let keeper = thread.spawn(move || shared.keep(clock.as_ref()));
-            if let (Ok(keeper), Ok(mut place)) = (keeper, self.keeper.lock()) {
-                *place = Some(keeper);
+            let keeper = thread.spawn(move || {
+                (clock.prepare)();
+                keep(&shared, clock.clock.as_ref());
+            });
+            match (keeper, self.keeper.lock()) {
+                (Ok(keeper), Ok(mut place)) => *place = Some(keeper),
+                _ => return Err(BusError::NoKeeper),
             }
         }
         Ok(())
@@ -173,12 +201,15 @@ impl SharedBus {
         if self.is_over.load(Ordering::Acquire) {
             return None;
         }
-        self.slot.recv_timeout(HAND_OVER).ok()
+        let most = HAND_OVER_NS.max(HAND_OVER_TICKS * self.plan.period_ns);
+        self.slot.recv_timeout(Duration::from_nanos(most)).ok()
     }
 
     /// Puts the bus back. Real-time: yes.
     pub(crate) fn put_back(&self, held: Box<Held>) {
         self.used_ns.store(held.bus.sent().0, Ordering::Release);
+        self.edge_ns
+            .store(held.bus.next_edge().0, Ordering::Release);
         let _ = self.put.try_send(held);
     }
 
@@ -192,6 +223,15 @@ impl SharedBus {
         self.is_on_simulated_time
     }
 
+    /// True from the first request of OP on: outputs or torque may hold the specimens.
+    pub(crate) fn is_live(&self) -> bool {
+        self.is_live.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn set_live(&self) {
+        self.is_live.store(true, Ordering::Release);
+    }
+
     /// The bus is closed, and the keeper ends.
     pub(crate) fn close(&self, mut held: Box<Held>) {
         self.is_over.store(true, Ordering::Release);
@@ -203,33 +243,40 @@ impl SharedBus {
         }
     }
 
-    /// Exchanges process data while the loop does not.
-    fn keep(&self, clock: &dyn Clock) {
+    /// Exchanges process data once, if the loop does not. Returns when the keeper is to look again.
+    fn keep(&self, now: Nanos) -> Nanos {
         let period = self.plan.period_ns;
+        // The devices must not wait for so long that their watchdogs expire.
         let silence = (SILENT_TICKS * period).max(SILENT_NS);
-        while !self.is_over.load(Ordering::Acquire) {
-            let used = Nanos(self.used_ns.load(Ordering::Acquire));
-            let is_idle = self.is_idle.load(Ordering::Acquire);
-            let due = used.plus(if is_idle { period / 2 } else { silence });
-            if clock.now() < due {
-                let look = if is_idle {
-                    due
-                } else {
-                    clock.now().plus(period)
-                };
-                clock.sleep_until(look);
-                continue;
-            }
-            let Ok(mut held) = self.slot.try_recv() else {
-                clock.sleep_until(clock.now().plus(period / 4));
-                continue;
-            };
-            let edge = held.bus.next_edge();
-            // A loop that came back meanwhile must not wait for long.
-            held.bus.wait_until(edge.min(clock.now().plus(period)));
-            held.bus.exchange();
-            held.stage = Stage::Done(false);
-            self.put_back(held);
+        let silence = silence.min(self.plan.watchdog_ns / 2);
+        let used = Nanos(self.used_ns.load(Ordering::Acquire));
+        let is_idle = self.is_idle.load(Ordering::Acquire);
+        let due = if is_idle {
+            Nanos(self.edge_ns.load(Ordering::Acquire))
+        } else {
+            used.plus(silence)
+        };
+        if now < due {
+            return if is_idle { due } else { now.plus(period) };
         }
+        let Ok(mut held) = self.slot.try_recv() else {
+            return now.plus(period / 4);
+        };
+        held.bus.exchange();
+        held.stage = Stage::Done(false);
+        self.put_back(held);
+        now
+    }
+}
+
+/// The thread that exchanges while the loop does not. It ends with the last specimen of the bus.
+fn keep(shared: &Weak<SharedBus>, clock: &dyn Clock) {
+    while let Some(shared) = shared.upgrade() {
+        if shared.is_over.load(Ordering::Acquire) {
+            return;
+        }
+        let look = shared.keep(clock.now());
+        drop(shared);
+        clock.sleep_until(look);
     }
 }

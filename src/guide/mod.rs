@@ -104,6 +104,7 @@ pages! {
     real_time = "real-time", "real-time.md", Work, false;
     real_specimen = "real-specimen", "real-specimen.md", Work, false;
     network = "network", "network.md", Work, false;
+    ethercat = "ethercat", "ethercat.md", Work, false;
     opensees = "opensees", "opensees.md", Work, false;
     gateway = "gateway", "gateway.md", Work, false;
     opensees_rig = "opensees-rig", "opensees-rig.md", Work, false;

@@ -473,7 +473,7 @@ pub trait Substructure: Send {
         false
     }
 
-    /// Deviation of the clock of the specimen from the clock of this machine, in ppm; NaN as long as it is not known. Real-time: yes.
+    /// Deviation of the clock of the specimen from the clock of this machine, in ppm; NaN before it is known. Real-time: yes.
     fn clock_ppm(&self) -> f64 {
         f64::NAN
     }

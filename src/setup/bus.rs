@@ -18,10 +18,11 @@ use gusset_ethercat::plan::{
     TimeSource,
 };
 use gusset_ethercat::simulated::{Fault, Plant, SimulatedBus, SimulatedLine, SimulationError};
-use gusset_ethercat::{BusError, BusPort, FollowingClock, Opener, SharedBus};
+use gusset_ethercat::{BusError, BusPort, FollowingClock, Keeper, Opener, SharedBus};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::time::{Clock, SimClock};
+use gusset_quantity::time::SimClock;
 use gusset_record::rt::clock::MonotonicClock;
+use gusset_record::rt::{RtPlan, apply, os};
 
 /// The bus of a test while its specimens are made.
 pub(crate) struct Draft {
@@ -111,7 +112,7 @@ fn device_plan(loaded: &Loaded, device: &DeviceTable) -> DevicePlan {
     }
 }
 
-/// What a drive needs, from the axis that it moves.
+/// The plan of a drive, from the axis that it moves.
 fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
     for table in &loaded.file.specimen {
         let axes = table.bus.iter().flat_map(|bus| &bus.axis);
@@ -141,11 +142,15 @@ fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
 /// The bus of this name as its file says it, with the samples of the specimens on it.
 fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
     let period_s = loaded.time.period.value();
-    let mut samples = loaded.file.specimen.iter().filter_map(|table| {
-        let spec = table.bus.as_ref().filter(|spec| spec.bus == name)?;
-        Some(spec.samples_after())
-    });
-    let share = samples.next().flatten();
+    let specs = || {
+        let all = loaded.file.specimen.iter();
+        all.filter_map(|table| table.bus.as_ref().filter(|spec| spec.bus == name))
+    };
+    // All specimens of a bus sample at one time: that was checked.
+    let share = specs().next().and_then(BusSpec::samples_after);
+    let patience_s = specs()
+        .map(|spec| spec.connect_timeout_s)
+        .fold(0.0, f64::max);
     BusPlan {
         name: name.to_owned(),
         devices: bus
@@ -160,8 +165,19 @@ fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
         },
         watchdog_ns: (bus.watchdog_s * 1e9) as u64,
         sample_after_ns: share.map(|share| (share * period_s * 1e9) as u64),
+        patience_ns: (patience_s.max(1.0) * 1e9) as u64,
         stale_ticks: u32::try_from(bus.stale_ticks).unwrap_or(u32::MAX),
     }
+}
+
+/// True if an output of this device commands an axis of this specimen.
+fn carries_command(bus: &BusTable, spec: &BusSpec, device: &DeviceTable) -> bool {
+    let mut commands = spec.axis.iter().filter_map(|axis| axis.command.as_ref());
+    commands.any(|command| {
+        let place = bus.place(Flow::Outputs, &command.at);
+        let found = place.and_then(|(number, _)| bus.device.get(number));
+        found.is_some_and(|found| found.name == device.name)
+    })
 }
 
 /// A specimen on its bus, and how it is waited for. `plant` is what a simulated bus moves.
@@ -180,6 +196,36 @@ pub(super) fn on_bus(
         let text = "an entry of this specimen is not on its bus";
         return site.refuse(Finding::error(at.key("bus").key("axis"), text));
     };
+    let mut others = site
+        .loaded
+        .file
+        .specimen
+        .iter()
+        .filter_map(|one| one.bus.as_ref());
+    if others.any(|one| one.bus == spec.bus && one.samples_after() != spec.samples_after()) {
+        let text = "the specimens of one bus sample at different times";
+        let finding = Finding::error(at.key("bus").key("sample"), text);
+        return site.refuse(finding.help(
+            "give all of them equal `sample` and `sample_after`: one frame reads the inputs of all devices",
+        ));
+    }
+    for device in bus
+        .device
+        .iter()
+        .filter(|one| carries_command(bus, spec, one))
+    {
+        if device.setup.is_empty() && device.accept != Some(Acceptance::ZeroVolts) {
+            let text = format!(
+                "device \"{}\" commands an axis, and nothing says that its outputs keep their last value when its watchdog expires",
+                device.name
+            );
+            let finding = Finding::error(path("bus").key(&link.address).key("device"), text);
+            return site.refuse(finding.help(
+                "write the object that keeps the value (`setup`, see its manual); or set `accept = \"zero volts on watchdog\"` and \
+                 `accept_reason`",
+            ));
+        }
+    }
     let wait = WaitRules {
         reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
         on_stale: OnStale::Hold,
@@ -222,7 +268,7 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     let specimens = tables.filter(|table| table.bus.is_some()).count();
     let plants: Arc<Mutex<Vec<Plant>>> = Arc::default();
     let own = source();
-    let (opener, clock): (Opener, Option<Box<dyn Clock>>) = if is_simulated(loaded) {
+    let (opener, keeper): (Opener, Option<Keeper>) = if is_simulated(loaded) {
         let (plants, plan) = (Arc::clone(&plants), plan.clone());
         let open = move || -> Result<Box<dyn Line>, BusError> {
             let plants = plants.lock().map(|mut all| std::mem::take(&mut *all));
@@ -236,11 +282,33 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     } else {
         let interface = bus.interface.clone();
         let open = move || super::bus_line::open(&interface);
-        (Box::new(open), Some(Box::new(MonotonicClock::default())))
+        (Box::new(open), Some(keeper(loaded)))
     };
     Draft {
-        shared: SharedBus::new(plan, (own, specimens), opener, clock),
+        shared: SharedBus::new(plan, (own, specimens), opener, keeper),
         plants,
+    }
+}
+
+/// The keeper is as urgent as the loop but for one step, on the first processor: it alone feeds drives while the operator is awaited.
+fn keeper(loaded: &Loaded) -> Keeper {
+    let period_ns = (loaded.time.period.value() * 1e9) as u64;
+    let plan = super::rt_plan(&loaded.file.timing, period_ns);
+    let prepare = move || {
+        let cpus = os::process_cpus();
+        let urgency = plan
+            .fifo_priority
+            .map(|priority| priority.saturating_sub(1).max(1));
+        // A refusal is reported for the loop, which asks for more.
+        let _ = apply(&RtPlan {
+            fifo_priority: urgency,
+            cpu: cpus.first().copied().or(plan.cpu),
+            ..plan
+        });
+    };
+    Keeper {
+        clock: Box::new(MonotonicClock::default()),
+        prepare: Box::new(prepare),
     }
 }
 

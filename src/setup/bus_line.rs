@@ -36,9 +36,8 @@ impl Line for SocketLine {
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LineFault> {
-        let sent = self.socket.send(frame);
-        sent.map_err(|error| match error {
-            Errno::AGAIN | Errno::NOBUFS => LineFault::Full,
+        self.socket.send(frame).map_err(|error| match error {
+            Errno::AGAIN | Errno::NOBUFS | Errno::INTR => LineFault::Full,
             _ => LineFault::Down,
         })
     }

@@ -343,7 +343,13 @@ fn announced(file: &TestFile) -> Vec<String> {
             1e3 * metres
         ))
     });
-    probed.collect()
+    let untried = (file.time.clock != gusset_config::ClockChoice::Simulated
+        && file.specimen.iter().any(|specimen| specimen.bus.is_some()))
+    .then(|| {
+        "a bus: Gusset was never tried on an EtherCAT bus with real devices (guide: ethercat)"
+            .to_owned()
+    });
+    probed.chain(untried).collect()
 }
 
 /// Specimens behind links that have a law, too, in sentences: a test may have been meant for the law alone.

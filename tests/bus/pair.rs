@@ -11,7 +11,7 @@ fn a_test_runs_over_a_pair_of_interfaces() {
     let text = text
         .replace("clock = \"simulated\"", "clock = \"real\"")
         .replace("rate_hz = 500", "rate_hz = 200")
-        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 10\nstale_ticks = 500");
+        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 6\nstale_ticks = 500");
     std::fs::write(at("test.toml"), text).unwrap();
     let mut command = gusset();
     let run = ["--pair", "--", "gusset", "run"];
@@ -44,4 +44,27 @@ fn a_missing_interface_is_named() {
         .unwrap();
     assert_eq!(said.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&said.stderr).contains("gusset-none"));
+}
+
+#[test]
+fn the_study_runs_on_simulated_devices() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/config/bus/drive-and-servo.toml"
+    );
+    let out = folder.path().join("run");
+    super::common::completed(study.as_ref(), &out, &["--clock", "simulated"]);
+    let summary = super::common::json(&out, "summary.json");
+    for name in ["lower-storey", "upper-storey"] {
+        assert_eq!(summary["link"][name]["lost"], 0);
+    }
+    // A count of the drive is 0.1 µm.
+    let run = gusset_record::Run::open(&out).unwrap();
+    let columns = run.columns(&["cmd_1_1", "raw_disp_1_1"]).unwrap();
+    let each = columns[0].iter().zip(&columns[1]);
+    let worst = each
+        .map(|(command, disp)| (command - disp).abs())
+        .fold(0.0, f64::max);
+    assert!(worst < 5e-4, "{worst}");
 }

@@ -34,7 +34,7 @@ fn columns(text: &str) -> Vec<Vec<u64>> {
     values[1..].iter().map(bits).collect()
 }
 
-/// The same test with its law in this process, behind an actuator with this delay.
+/// This test with its law in this process, behind an actuator with this delay.
 fn in_process(text: &str, delay_s: f64) -> String {
     let (before, rest) = text.split_once("[bus.rig]").unwrap();
     let (_, specimen) = rest.split_once("[[specimen]]").unwrap();

@@ -14,7 +14,7 @@ use super::values::{
 
 /// A table with fewer keys than this, all of them plain values, is shown within the keys that use it.
 const SMALL: usize = 3;
-/// Stands for a name of the user in a path.
+/// Placeholder for a name of the user in a path.
 const NAME: &str = "NAME";
 /// Deeper tables are not in the table of contents.
 const DEEPEST: usize = 2;

@@ -20,6 +20,9 @@ pub(in crate::cli) struct ScanArgs {
     /// Network interface that the first device is connected to.
     #[arg(value_name = "INTERFACE")]
     pub interface: String,
+    /// Also bring devices to INIT that are in operation. Their outputs may end: unload every axis first.
+    #[arg(long)]
+    pub release: bool,
 }
 
 #[derive(Debug, Args)]
@@ -34,7 +37,7 @@ pub(in crate::cli) struct SimulateArgs {
     /// Answer on this network interface until Ctrl-C: one end of a pair (veth) whose other end the test file names.
     #[arg(long, value_name = "NAME", required_unless_present = "pair")]
     pub interface: Option<String>,
-    /// Make such a pair in a network of its own, and run the command there. It needs no rights.
+    /// Make such a pair in a separate network, and run the command there. It needs no rights.
     #[arg(long, conflicts_with = "interface", requires = "command")]
     pub pair: bool,
     /// Faults that happen, as `[[fault]]` tables.

@@ -1,18 +1,14 @@
 //! `[bus.NAME]`: numbers, devices and process data of a bus.
 
-use std::collections::BTreeMap;
-
 use super::on_bus::{check_commands, check_on_bus};
 use super::{Findings, numbers};
-use crate::bus_table::{Acceptance, BusTable, DeviceTable, Flow};
+use crate::bus_table::{Acceptance, BusTable, Buses, DeviceTable, Flow};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::echo::number;
 use crate::specimen::SpecimenTable;
 use gusset_quantity::text::{is_hidden, is_reason};
 use gusset_wire::process_data::Entry;
-
-pub(super) type Buses = BTreeMap<String, BusTable>;
 
 /// Most bytes of process data of a bus. One frame holds them, with a datagram for the clock and one for the states.
 const MOST_BYTES: usize = 1400;
@@ -88,10 +84,13 @@ fn check_bus(
     findings.numbers(at, numbers::NUMBERS_OF_BUS);
     if let Some(tick_s) = tick_s
         && bus.watchdog_s > 0.0
-        && bus.watchdog_s <= tick_s
+        && bus.watchdog_s <= 3.0 * tick_s
     {
         let at = at.key("watchdog_s");
-        let text = format!("`{at}` must be longer than a tick, {} s", number(tick_s));
+        let text = format!(
+            "`{at}` must be longer than three ticks, {} s",
+            number(3.0 * tick_s)
+        );
         let finding = Finding::error(at, text).label(format!("found {}", number(bus.watchdog_s)));
         findings.push(finding.help("with less, the devices would stop between two ticks"));
     }

@@ -227,7 +227,7 @@ pub(super) const NUMBERS_OF_BUS: &[Range] = &[
     (
         "watchdog_s",
         AtMost(
-            60.0,
+            6.5,
             " s",
             "the devices stop after this time without outputs",
         ),

@@ -1,11 +1,10 @@
 //! `[specimen.bus]`: names of process data, scales, conditions and drives of a specimen on a bus.
 
-use super::bus::Buses;
 use super::specimen::counted;
 use super::{Findings, idle, numbers};
 use crate::axis_table::AxisTable;
 use crate::bus_spec::{BusAxis, BusCondition, BusDrive, BusSpec};
-use crate::bus_table::{BusTable, Flow};
+use crate::bus_table::{BusTable, Buses, Flow};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::limit_table::LimitsSpec;
@@ -275,8 +274,8 @@ fn check_drive(bus: &BusTable, drive: &BusDrive, at: &KeyPath, findings: &mut Fi
         }
         let key = flow.key();
         let found = match found {
-            None => "does not have it".to_owned(),
-            Some(entry) => format!("has it as {}", entry.kind.word()),
+            None => "lacks this object".to_owned(),
+            Some(entry) => format!("maps it as {}", entry.kind.word()),
         };
         let text = format!(
             "the drive {:?} needs the {word} in its `{key}`",

@@ -23,7 +23,7 @@ const CABLE_NS: u64 = 100;
 /// How long a device waits for its first outputs before it refuses OP.
 const FIRST_OUTPUTS_NS: u64 = 200_000_000;
 
-/// What a frame does with a register.
+/// Access of a frame to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
     Read,

@@ -19,7 +19,7 @@ struct Value {
 #[derive(Debug)]
 pub(crate) struct Dictionary {
     objects: BTreeMap<(u16, u8), Value>,
-    /// What is left of an object that is read in parts.
+    /// Rest of an object that is read in parts.
     upload: Vec<u8>,
     toggle: bool,
 }

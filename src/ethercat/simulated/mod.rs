@@ -174,7 +174,7 @@ impl SimulatedBus {
         let (device, register) = (one.address as u16, (one.address >> 16) as u16);
         let devices = self.devices.len() as u64;
         let mut position = device;
-        // What the addressed device wrote into the frame goes to those behind it.
+        // Devices behind the addressed one see its answer.
         for (index, own) in self.devices.iter_mut().take(self.reach).enumerate() {
             let by_position = matches!(
                 service,

@@ -7,7 +7,7 @@ use super::device::Device;
 use crate::axis_drive::Place;
 use crate::plan::{BusPlan, Check, CommandPlan, EntryPlace, Scaled, SpecimenPlan};
 
-/// What a simulated bus moves: a specimen of the test file, and its law in the same units.
+/// Load of a simulated bus: a specimen of the test file, and its law in the same units.
 pub struct Plant {
     /// Its axes on the bus.
     pub specimen: SpecimenPlan,

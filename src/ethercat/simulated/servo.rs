@@ -3,7 +3,7 @@
 use crate::wire::drive as words;
 use crate::wire::drive::DriveState;
 
-/// Share of its speed that a drive keeps from tick to tick in a quick stop, and the speed in counts a tick that is none.
+/// Share of its speed that a drive keeps from tick to tick in a quick stop, and the speed in counts a tick that counts as rest.
 const QUICK_STOP: f64 = 0.8;
 const REST: f64 = 0.5;
 /// Bits of the statusword beside the state: voltage enabled and remote.

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use gusset_quantity::state::Visit;
 use gusset_quantity::substructure::{
-    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
 
@@ -14,8 +14,9 @@ use crate::plan::{
     AxisPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
     TimeSource,
 };
+use crate::wire::drive::DriveState;
 use crate::wire::register::AlState;
-use crate::{Bus, bring_up, reset_faults, scan};
+use crate::{Bus, BusPort, Opener, SharedBus, bring_up, reset_faults, scan};
 
 pub(crate) const PERIOD_NS: u64 = 1_000_000;
 const SOURCE: [u8; 6] = [0x10, 9, 9, 9, 9, 9];
@@ -90,6 +91,7 @@ pub(crate) fn plan() -> BusPlan {
         time: TimeSource::Bus,
         watchdog_ns: 100_000_000,
         sample_after_ns: None,
+        patience_ns: 5_000_000_000,
         stale_ticks: 3,
     }
 }
@@ -208,7 +210,7 @@ fn a_bus_comes_to_op_and_carries_a_force() {
 #[test]
 fn a_scan_lists_what_is_there() {
     let (_, mut line) = simulated(&plan(), "");
-    let found = scan(&mut line, SOURCE).unwrap();
+    let found = scan(&mut line, SOURCE, false).unwrap();
     assert_eq!(found.len(), 4);
     assert_eq!(found[3].identity, [2, 4, 1]);
     assert_eq!(found[1].state, Some(AlState::Init));
@@ -587,4 +589,174 @@ proptest::proptest! {
             }
         }
     }
+}
+
+/// Two specimens on one bus, armed at zero.
+fn armed(faults: &str) -> [BusPort; 2] {
+    let (_, line) = simulated(&plan(), faults);
+    let opener: Opener = Box::new(move || Ok(Box::new(line)));
+    let shared = SharedBus::new(plan(), (SOURCE, 2), opener, None);
+    let ports = specimens()
+        .into_iter()
+        .map(|one| BusPort::new(Arc::clone(&shared), one));
+    let mut ports: Vec<BusPort> = ports.collect();
+    for port in &mut ports {
+        let found = port.connect().unwrap();
+        assert!(found.simulated && found.force == [0.0]);
+    }
+    for port in &mut ports {
+        port.ask_to_arm(0, &[0.0]).unwrap();
+    }
+    for port in &mut ports {
+        assert!(port.arm(0, &[0.0], &mut || true).unwrap());
+    }
+    ports.try_into().unwrap()
+}
+
+fn command(sequence: u64, disp: &[f64]) -> Command<'_> {
+    Command {
+        sequence,
+        time: 0.0,
+        dt: 0.001,
+        disp,
+        vel: &[0.0],
+    }
+}
+
+const SOON: Nanos = Nanos(u64::MAX);
+
+#[test]
+fn a_tick_of_two_specimens_allocates_nothing() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    let mut forces = [[0.0; 2]; 20];
+    let info = allocation_counter::measure(|| {
+        for (k, row) in (0u64..).zip(&mut forces) {
+            let disp = [1e-5 * k as f64];
+            output.issue(&command(k, &disp)).unwrap();
+            drive.issue(&command(k, &disp)).unwrap();
+            for (port, force) in [&mut output, &mut drive].into_iter().zip(row) {
+                assert_eq!(port.collect(SOON, &mut measured).unwrap(), Freshness::Fresh);
+                assert_eq!(measured.sequence, k.saturating_sub(1));
+                assert_eq!(measured.status, Status::default());
+                *force = measured.force[0];
+            }
+        }
+    });
+    assert_eq!(info.count_total, 0);
+    // The inputs of a tick answer the command before.
+    for (k, row) in forces.iter().enumerate().skip(1) {
+        let wanted = 1e-2 * (k - 1) as f64;
+        assert!(
+            row.iter().all(|force| (force - wanted).abs() < 1e-9),
+            "{k}: {row:?}"
+        );
+    }
+}
+
+#[test]
+fn a_specimen_goes_on_without_the_other() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    for k in 0..10 {
+        drive.issue(&command(k, &[1e-4 * k as f64])).unwrap();
+        output.issue(&command(k, &[0.0])).unwrap();
+        drive.collect(SOON, &mut measured).unwrap();
+        output.collect(SOON, &mut measured).unwrap();
+    }
+    // The drive is commanded no more: it comes to rest, and the other specimen keeps its exchanges.
+    for k in 10..200 {
+        output.issue(&command(k, &[1e-5])).unwrap();
+        assert_eq!(
+            output.collect(SOON, &mut measured).unwrap(),
+            Freshness::Fresh
+        );
+    }
+    assert_eq!(drive.issue(&command(200, &[0.0])), Err(LinkFault::Refused));
+    assert!(!drive.settle(Retirement::Tripped));
+    drive.retire(Retirement::Tripped);
+    assert_eq!(drive.has_acknowledged(), Some(true));
+    output.issue(&command(201, &[0.0])).unwrap();
+    assert_eq!(
+        output.collect(SOON, &mut measured).unwrap(),
+        Freshness::Fresh
+    );
+    output.retire(Retirement::Orderly);
+    assert_eq!(output.has_acknowledged(), Some(true));
+    assert_eq!(output.issue(&command(202, &[0.0])), Err(LinkFault::Closed));
+}
+
+#[test]
+fn a_command_beyond_its_type_is_saturated() {
+    let [mut output, mut drive] = armed("");
+    let mut measured = Measurement::zeros(1);
+    drive.issue(&command(0, &[0.0])).unwrap();
+    // The output has 16 bits of 10 µm.
+    output.issue(&command(0, &[0.5])).unwrap();
+    output.collect(SOON, &mut measured).unwrap();
+    assert!(measured.status.has(Status::SATURATED));
+    drive.collect(SOON, &mut measured).unwrap();
+    assert!(!measured.status.has(Status::SATURATED));
+}
+
+#[test]
+fn a_bus_in_operation_is_left_alone() {
+    let (shared, bus) = in_op("");
+    let mut line = SimulatedLine::new(Arc::clone(&shared), Box::new(SimClock::new()));
+    let error = scan(&mut line, SOURCE, false).unwrap_err();
+    let is_live = matches!(
+        error,
+        BusError::InOperation {
+            position: 1,
+            state: AlState::Op,
+            ..
+        }
+    );
+    assert!(is_live, "{error}");
+    assert!(
+        shared
+            .lock()
+            .unwrap()
+            .devices
+            .iter()
+            .all(|one| one.state == AlState::Op)
+    );
+    drop(bus);
+    assert_eq!(scan(&mut line, SOURCE, true).unwrap().len(), 4);
+}
+
+/// A bus whose drive has torque, and the number of the drive.
+fn with_torque() -> (Shared, Box<Bus>, usize) {
+    let (shared, mut bus) = in_op("");
+    let drive = bus.drive_of(3).unwrap();
+    bus.drive(drive).unwrap().0.enable();
+    let enabled = |bus: &mut Bus| Ok(bus.have_torque(&[drive]));
+    assert!(bus.exchange_until(enabled, &mut || true).unwrap());
+    (shared, bus, drive)
+}
+
+/// The state of the servo after it changed to this one by itself.
+fn changes_to(state: DriveState) -> (DriveState, bool) {
+    let (shared, mut bus, drive) = with_torque();
+    let servo = |shared: &Shared, set: Option<DriveState>| {
+        let mut bus = shared.lock().unwrap();
+        let servo = bus.devices[3].servo.as_mut().unwrap();
+        servo.state = set.unwrap_or(servo.state);
+        servo.state
+    };
+    servo(&shared, Some(state));
+    for _ in 0..20 {
+        tick(&mut bus);
+    }
+    let is_lost = bus.drive(drive).unwrap().0.is_lost();
+    (servo(&shared, None), is_lost)
+}
+
+#[test]
+fn torque_neither_ends_nor_returns_by_itself() {
+    let stopped = changes_to(DriveState::QuickStopActive);
+    assert_eq!(stopped, (DriveState::QuickStopActive, true));
+    // A safe stop that is released, and a fault that is reset at the drive.
+    let released = changes_to(DriveState::SwitchOnDisabled);
+    assert_eq!(released, (DriveState::SwitchOnDisabled, true));
 }

@@ -19,7 +19,7 @@ pub(crate) const CYCLIC_POSITION: i8 = 8;
 pub enum DriveState {
     /// It starts.
     NotReady,
-    /// It has no power, and may not have it.
+    /// It has no power, and power is locked.
     SwitchOnDisabled,
     /// It may be switched on.
     ReadyToSwitchOn,
@@ -101,6 +101,7 @@ pub(crate) const fn towards_operation(state: DriveState) -> u16 {
         DriveState::SwitchOnDisabled => SHUTDOWN,
         DriveState::ReadyToSwitchOn => SWITCH_ON,
         DriveState::SwitchedOn | DriveState::OperationEnabled => ENABLE_OPERATION,
+        // It holds with torque: only the operator ends that.
         DriveState::QuickStopActive => QUICK_STOP,
         DriveState::NotReady | DriveState::FaultReaction | DriveState::Fault => DISABLE_VOLTAGE,
     }

@@ -4,10 +4,9 @@
 pub(crate) const STATION: u16 = 0x0010;
 /// Number of memory units, and of sync managers.
 pub(crate) const COUNTS: u16 = 0x0004;
-/// Features: bit 2 says that it has distributed clocks.
+/// Features: bit 2 says that it has a distributed clock, bit 3 that the clock has 64 bits.
 pub(crate) const FEATURES: u16 = 0x0008;
 pub(crate) const HAS_CLOCK: u16 = 1 << 2;
-/// Bit of the features: the clock has 64 bits.
 pub(crate) const HAS_LONG_CLOCK: u16 = 1 << 3;
 /// Link state of the ports: bits 4 to 7 say whether a link is there, 8 and 9 of port 0 the loop and the communication.
 pub(crate) const DL_STATUS: u16 = 0x0110;

@@ -373,7 +373,7 @@ fn ask_interface(
     }
 }
 
-/// What the kernel says of a network interface of this network namespace.
+/// Facts about a network interface of this network namespace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct InterfaceFacts {
     pub is_up: bool,
@@ -386,7 +386,7 @@ pub(crate) struct InterfaceFacts {
 /// Facts about the interface of this name.
 ///
 /// # Errors
-/// ENODEV if there is none.
+/// ENODEV without such an interface.
 pub(crate) fn interface_facts(name: &str) -> Result<InterfaceFacts, Errno> {
     // SIOCGIWNAME of linux/wireless.h: only wireless drivers answer.
     const WIRELESS_NAME: u32 = 0x8b01;

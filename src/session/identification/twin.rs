@@ -230,7 +230,7 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz
     let Found { law, estimate } = matrices::found(table, known, to_hz);
     (table.law, table.laws) = (None, None);
     (table.coupled, table.bearing) = (None, None);
-    table.link = None;
+    (table.link, table.bus) = (None, None);
     table.hardening_bound = None;
     let linear = |axis: usize| {
         LawSpec::Linear(LinearSpec {

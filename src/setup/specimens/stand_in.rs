@@ -72,7 +72,7 @@ pub(super) struct Known<'a> {
     pub is_believed: bool,
 }
 
-/// What a simulated bus moves: the stand-in as declared, without the delay of the bus, which is there already.
+/// The load of a simulated bus: the stand-in as declared, without the delay of the bus, which is there already.
 #[cfg(feature = "ethercat")]
 pub(super) fn plant(
     site: &mut Site<'_>,

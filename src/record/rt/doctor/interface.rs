@@ -107,7 +107,7 @@ fn interrupts(tree: &Tree, name: &str) -> Finding {
         .flatten()
         .collect();
     if cpus.is_empty() {
-        let found = format!("{name} has no interrupts of its own");
+        let found = format!("the interrupts of {name} are not listed");
         return Finding::new(TOPIC, found, Verdict::Unknown, "");
     }
     let on_isolated = cpus.iter().any(|cpu| isolated.contains(cpu));
