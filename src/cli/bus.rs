@@ -12,7 +12,7 @@ use gusset_ethercat::{BusError, Found, reset_faults, scan};
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::packet::PacketSocket;
 use gusset_record::rt::{RtPlan, apply, os};
-use gusset_session::Signals;
+use gusset_session::{Signals, pause};
 use gusset_setup::{bus_of, bus_source, open_bus_line, rt_plan, simulated_bus};
 
 use super::args::{BusCommand, BusResetArgs, ScanArgs, SimulateArgs};
@@ -90,8 +90,7 @@ fn table(interface: &str, found: &[Found]) -> String {
 
 fn reset(args: &BusResetArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &[])?;
-    let (plan, interface) =
-        bus_of(&loaded).map_err(|finding| refused(loaded.refuse(vec![finding])))?;
+    let (plan, interface) = bus_of(&loaded).map_err(refused)?;
     let mut line = open_bus_line(&interface).map_err(|error| failed(&error))?;
     let reset = reset_faults(line.as_mut(), &plan, bus_source()).map_err(|error| failed(&error))?;
     let told = match reset.as_slice() {
@@ -221,7 +220,7 @@ fn serve(
         let passage = bus.process(frame, os::monotonic_ns());
         match passage {
             Passage::Lost => continue,
-            Passage::Late(ns) => std::thread::sleep(Duration::from_nanos(ns)),
+            Passage::Late(ns) => pause(Duration::from_nanos(ns)),
             Passage::Twice => socket.send(frame)?,
             Passage::BehindForeign => {
                 let mut foreign = frame.to_vec();

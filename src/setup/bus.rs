@@ -345,12 +345,12 @@ pub fn simulated_bus(loaded: &Loaded, faults: Vec<Fault>) -> Result<SimulatedBus
 ///
 /// # Errors
 /// The file has no bus.
-pub fn bus_of(loaded: &Loaded) -> Result<(BusPlan, String), Finding> {
+pub fn bus_of(loaded: &Loaded) -> Result<(BusPlan, String), ConfigError> {
     match loaded.file.bus.iter().next() {
         Some((name, bus)) => Ok((bus_plan(loaded, name, bus), bus.interface.clone())),
         None => {
             let text = "this file has no `[bus.NAME]`";
-            Err(Finding::error(path("bus"), text))
+            Err(loaded.refuse(vec![Finding::error(path("bus"), text)]))
         }
     }
 }

@@ -39,8 +39,11 @@ pub struct Experiment {
     pub followed: Option<FollowedClock>,
 }
 
+/// Makes a clock over another one.
+type ClockOver = dyn FnOnce(Box<dyn Clock>) -> Box<dyn Clock> + Send;
+
 /// Puts a clock over that of the machine: that of a bus.
-pub struct FollowedClock(pub Box<dyn FnOnce(Box<dyn Clock>) -> Box<dyn Clock> + Send>);
+pub struct FollowedClock(pub Box<ClockOver>);
 
 impl std::fmt::Debug for FollowedClock {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
