@@ -8,7 +8,7 @@ use crate::cycle::{Bus, Member};
 use crate::error::BusError;
 use crate::line::Line;
 use crate::plan::{BusPlan, DevicePlan, DrivePlan, TimeSource};
-use crate::request::{Requests, Station};
+use crate::request::{Known, Requests, Station};
 use crate::wire::coe::{NO_OBJECT, Object};
 use crate::wire::datagram::{Service, at, position};
 use crate::wire::drive;
@@ -482,13 +482,6 @@ fn interpolation_time(period_ns: u64) -> Option<(u8, i8)> {
         let units = u8::try_from(period_ns / unit).ok()?;
         (period_ns.is_multiple_of(unit) && units > 0).then_some((units, exponent))
     })
-}
-
-/// A device with its station and its EEPROM.
-pub(crate) struct Known<'p> {
-    pub plan: &'p DevicePlan,
-    pub station: Station,
-    pub sii: Sii,
 }
 
 /// Brings the devices of `plan` to SAFE-OP. `source` is the sender of our frames.

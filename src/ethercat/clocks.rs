@@ -1,8 +1,7 @@
 //! Distributed clocks (ETG.1000.4, DC): propagation delays, offsets, SYNC0.
 
-use crate::bring_up::Known;
 use crate::error::BusError;
-use crate::request::Requests;
+use crate::request::{Known, Requests};
 use crate::wire::datagram::{Service, at};
 use crate::wire::register as reg;
 

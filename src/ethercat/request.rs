@@ -4,6 +4,7 @@ use gusset_quantity::time::Nanos;
 
 use crate::error::BusError;
 use crate::line::{Line, LineFault};
+use crate::plan::DevicePlan;
 use crate::wire::coe::{Answer, Object, Request, SHORTEST_MESSAGE, abort_text};
 use crate::wire::datagram::{FrameWriter, LONGEST, Service, at, datagrams};
 use crate::wire::register as reg;
@@ -32,6 +33,13 @@ pub(crate) struct Station {
     pub mailbox: Option<[(u16, u16); 2]>,
     /// Running number of the mailbox, from 1 to 7.
     count: u8,
+}
+
+/// A device with its station and its EEPROM.
+pub(crate) struct Known<'p> {
+    pub plan: &'p DevicePlan,
+    pub station: Station,
+    pub sii: Sii,
 }
 
 impl Station {

@@ -4,6 +4,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use super::site::Draft;
 use super::{Refused, Site, path};
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::{
@@ -17,18 +18,12 @@ use gusset_ethercat::plan::{
     AxisPlan, BusPlan, Check, CommandPlan, DevicePlan, DrivePlan, EntryPlace, Scaled, SpecimenPlan,
     TimeSource,
 };
-use gusset_ethercat::simulated::{Fault, Plant, SimulatedBus, SimulatedLine, SimulationError};
+use gusset_ethercat::simulated::{Plant, SimulatedBus, SimulatedLine, SimulationError};
 use gusset_ethercat::{BusError, BusPort, FollowingClock, Keeper, Opener, SharedBus};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::time::SimClock;
 use gusset_record::rt::clock::MonotonicClock;
 use gusset_record::rt::{RtPlan, apply, os};
-
-/// The bus of a test while its specimens are made.
-pub(crate) struct Draft {
-    shared: Arc<SharedBus>,
-    plants: Arc<Mutex<Vec<Plant>>>,
-}
 
 /// First bytes of the sender of our frames; the last two tell processes apart.
 const SOURCE: [u8; 4] = [0x10, 0x47, 0x53, 0x54];
@@ -323,22 +318,6 @@ pub(super) fn followed(site: &Site<'_>) -> Option<gusset_control::engine::Follow
     Some(gusset_control::engine::FollowedClock(Box::new(
         move |below| Box::new(FollowingClock::new(below, time, period_ns)),
     )))
-}
-
-/// The devices of a test file on the simulated clock, with the stand-ins of its specimens and the faults of a script.
-///
-/// # Errors
-/// As `build`; or the script does not fit the devices.
-pub fn simulated_bus(loaded: &Loaded, faults: Vec<Fault>) -> Result<SimulatedBus, ConfigError> {
-    super::site::build(loaded, None, None, |site| {
-        super::specimens::specimens(site)?;
-        let Some(draft) = &site.bus else {
-            return site.refuse(Finding::error(path("bus"), "no specimen is on a bus"));
-        };
-        let plants = draft.plants.lock().map(|mut all| std::mem::take(&mut *all));
-        let bus = SimulatedBus::new(draft.shared.plan(), plants.unwrap_or_default(), faults);
-        bus.or_else(|error| site.refuse(Finding::error(path("bus"), error.to_string())))
-    })
 }
 
 /// The bus of a test file, for commands that need no test.

@@ -50,7 +50,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 #[cfg(feature = "ethercat")]
-pub use bus::{bus_of, bus_source, simulated_bus};
+pub use bus::{bus_of, bus_source};
 #[cfg(feature = "ethercat")]
 pub use bus_line::open as open_bus_line;
 pub use facts::{Facts, FrameFacts, GroundFacts, ReductionFacts, RuleDamping, StructureFacts};
@@ -181,6 +181,27 @@ pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
 #[cfg(any(test, feature = "test-doubles"))]
 pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
     build_as(loaded, None, Some(dial))
+}
+
+/// The devices of a test file on the simulated clock, with the stand-ins of its specimens and the faults of a script.
+///
+/// # Errors
+/// As `build`; or the script does not fit the devices.
+#[cfg(feature = "ethercat")]
+pub fn simulated_bus(
+    loaded: &Loaded,
+    faults: Vec<gusset_ethercat::simulated::Fault>,
+) -> Result<gusset_ethercat::simulated::SimulatedBus, ConfigError> {
+    use gusset_ethercat::simulated::SimulatedBus;
+    site::build(loaded, None, None, |site| {
+        specimens::specimens(site)?;
+        let Some(draft) = &site.bus else {
+            return site.refuse(Finding::error(path("bus"), "no specimen is on a bus"));
+        };
+        let plants = draft.plants.lock().map(|mut all| std::mem::take(&mut *all));
+        let bus = SimulatedBus::new(draft.shared.plan(), plants.unwrap_or_default(), faults);
+        bus.or_else(|error| site.refuse(Finding::error(path("bus"), error.to_string())))
+    })
 }
 
 /// Builds the experiment on the simulated clock with the faults of a script on its bus.

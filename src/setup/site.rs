@@ -6,6 +6,13 @@ use gusset_config::{ConfigError, Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::{Corrected, RecordFacts, Scaled};
 use gusset_proof::Kind;
 
+/// The bus of a test while its specimens are made.
+#[cfg(feature = "ethercat")]
+pub(crate) struct Draft {
+    pub shared: std::sync::Arc<gusset_ethercat::SharedBus>,
+    pub plants: std::sync::Arc<std::sync::Mutex<Vec<gusset_ethercat::simulated::Plant>>>,
+}
+
 /// Findings so far, and the files read so far.
 pub(super) struct Site<'a> {
     pub loaded: &'a Loaded,
@@ -26,7 +33,7 @@ pub(super) struct Site<'a> {
     pub doubts: Vec<(Kind, Finding)>,
     /// The bus of the specimens so far.
     #[cfg(feature = "ethercat")]
-    pub bus: Option<super::bus::Draft>,
+    pub bus: Option<Draft>,
     /// Faults of the devices that are simulated in this process.
     #[cfg(feature = "ethercat")]
     pub bus_faults: Vec<gusset_ethercat::simulated::Fault>,

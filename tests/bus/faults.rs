@@ -73,7 +73,7 @@ fn each_fault_in_each_phase_has_one_ending() {
             (
                 format!("{{ drive_fault = {} }}", coded("axis 1")),
                 1,
-                [by_drive(link), by_drive(link), by_drive(interlock), done],
+                [by_drive(gone), by_drive(link), by_drive(interlock), done],
             ),
             (
                 format!("{{ emergency = {} }}", coded("axis 1")),
