@@ -43,7 +43,7 @@ command_disp_m = { trip = [-0.1, 0.1] }
 measured_force_n = { trip = [-1e5, 1e5] }
 [specimen.bus]
 bus = "rig"
-sample_after = 0.7
+sample_after = 0.6
 probe_m = 1e-4
 probe_ramp_s = 2.0
 stands_at_m = [0.01]
@@ -87,7 +87,7 @@ fn bus_specimen_has_a_link() {
     assert_eq!(link.protocol, Protocol::Ethercat);
     assert_eq!(link.address, "rig");
     assert_eq!((link.max_stale, link.watchdog_s), (Some(5), Some(0.05)));
-    assert_eq!((link.sample_after, link.probe_m), (Some(0.7), Some(1e-4)));
+    assert_eq!((link.sample_after, link.probe_m), (Some(0.6), Some(1e-4)));
     assert_eq!(link.stands_at_m, Some(vec![0.01]));
     let next = read(RIG, &["specimen.0.bus.sample=next_tick"]).unwrap();
     let link = next.file.specimen[0].link.as_ref().unwrap();
@@ -260,7 +260,7 @@ fn rules_of_a_specimen_on_a_bus_hold() {
             "specimen[0].bus.interlock[0].equals".to_owned(),
         ),
         (
-            "sample_after = 0.7",
+            "sample_after = 0.6",
             "sample_after = 0.96",
             "specimen[0].bus.sample_after".to_owned(),
         ),
