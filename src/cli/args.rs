@@ -140,7 +140,7 @@ pub(super) enum Command {
     Reset(ResetArgs),
     /// Scan, simulate or reset the devices of an EtherCAT bus.
     #[cfg(feature = "ethercat")]
-    #[command(subcommand)]
+    #[command(subcommand, after_help = "More: gusset guide ethercat")]
     Bus(BusCommand),
     /// Report what this machine has and lacks for real-time tests.
     Doctor(DoctorArgs),

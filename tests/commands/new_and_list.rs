@@ -260,6 +260,7 @@ fn new_lists_every_template() {
         "tuned-mass-damper",
         "isolated-building",
         "remote",
+        "bus",
         "python",
         "opensees",
     ];
