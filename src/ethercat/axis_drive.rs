@@ -8,7 +8,7 @@ use crate::error::BusError;
 use crate::plan::{DevicePlan, DrivePlan};
 use crate::wire::drive as words;
 use crate::wire::drive::DriveState;
-use gusset_wire::process_data::{Entry, Kind};
+use gusset_wire::process_data::{Entry, Kind, length};
 
 /// Place of a value in the image of a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +18,20 @@ pub(crate) struct Place {
 }
 
 impl Place {
+    /// The entry of this number among entries that begin at `start` in the image.
+    pub(crate) fn nth(entries: &[Entry], start: usize, number: usize) -> Option<Self> {
+        Some(Self {
+            offset: start + length(entries.get(..number)?),
+            kind: entries.get(number)?.kind,
+        })
+    }
+
+    /// The entry of this object among entries that begin at `start` in the image.
+    pub(crate) fn of_object(entries: &[Entry], start: usize, index: u16) -> Option<Self> {
+        let number = entries.iter().position(|entry| entry.index == index)?;
+        Self::nth(entries, start, number)
+    }
+
     pub(crate) fn read(self, image: &[u8]) -> f64 {
         self.kind.read(image.get(self.offset..).unwrap_or_default())
     }
@@ -26,19 +40,6 @@ impl Place {
         let place = image.get_mut(self.offset..).unwrap_or_default();
         self.kind.write(value, place);
     }
-}
-
-/// Finds an object among entries that begin at `start` in the image.
-fn find(entries: &[Entry], start: usize, index: u16) -> Option<Place> {
-    let mut offset = start;
-    for entry in entries {
-        if entry.index == index {
-            let kind = entry.kind;
-            return Some(Place { offset, kind });
-        }
-        offset += entry.kind.bytes();
-    }
-    None
 }
 
 /// Wanted state of a drive.
@@ -92,8 +93,8 @@ impl Drive {
             device: plan.name.clone(),
             why: format!("it does not map {what}"),
         };
-        let output = |index| find(&plan.outputs, outputs, index);
-        let input = |index| find(&plan.inputs, inputs, index);
+        let output = |index| Place::of_object(&plan.outputs, outputs, index);
+        let input = |index| Place::of_object(&plan.inputs, inputs, index);
         let mode = match (output(words::MODE), input(words::MODE_DISPLAY)) {
             (Some(mode), Some(display)) => Some([mode, display]),
             (Some(_), None) => return Err(missing("6061 (mode display), but 6060 (mode)")),

@@ -15,7 +15,7 @@ use crate::wire::drive;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use crate::wire::sii::{Manager, Sii};
-use gusset_wire::process_data::{Entry, SetupWrite};
+use gusset_wire::process_data::{Entry, SetupWrite, length};
 
 /// Station address of the first device.
 const FIRST_STATION: u16 = 0x1001;
@@ -49,35 +49,36 @@ pub struct Found {
     pub remark: Option<String>,
 }
 
-/// How long the line is listened to before the first frame: another master is heard then.
+/// How long the line is listened to before the first frame, for frames of another master.
 const LISTEN_NS: u64 = 20_000_000;
 
 /// Counts the devices and brings them to INIT with station addresses. Devices in operation are left alone, unless they are to be
-/// released.
-fn enumerate(requests: &mut Requests<'_>, releases: bool) -> Result<u16, BusError> {
+/// released. The states that the devices had, in the order of the bus.
+fn enumerate(
+    requests: &mut Requests<'_>,
+    releases: bool,
+) -> Result<Vec<Option<AlState>>, BusError> {
     requests.listen(LISTEN_NS)?;
     let count = requests.ask(Service::Brd, 0, &mut [0])?;
     if count == 0 {
         return Err(BusError::NoDevice);
     }
+    let mut states = Vec::with_capacity(count.into());
     for index in 0..count {
         let mut status = [0u8; 6];
         let address = at(position(index), reg::AL_STATUS);
-        requests.ask(Service::Aprd, address, &mut status)?;
-        let code = u16::from_le_bytes([status[4], status[5]]);
-        match AlState::of(status[0]) {
-            Some(state) if state >= AlState::SafeOp && !releases => {
-                return Err(BusError::InOperation {
-                    position: index + 1,
-                    state,
-                    code,
-                });
-            }
-            _ => {}
+        let counter = requests.ask(Service::Aprd, address, &mut status)?;
+        let state = AlState::of(status[0]).filter(|_| counter == 1);
+        if let (Some(state @ (AlState::SafeOp | AlState::Op)), false) = (state, releases) {
+            return Err(BusError::InOperation {
+                position: index + 1,
+                state,
+                code: u16::from_le_bytes([status[4], status[5]]),
+            });
         }
+        states.push(state);
     }
-    let init = [AlState::Init as u8 | reg::AL_ERROR, 0];
-    requests.write_all(reg::AL_CONTROL, &init)?;
+    requests.all_to_init()?;
     // No unit, manager or clock of an earlier master is left.
     requests.write_all(reg::DC_ACTIVATION, &[0, 0])?;
     for index in 0..count {
@@ -90,7 +91,27 @@ fn enumerate(requests: &mut Requests<'_>, releases: bool) -> Result<u16, BusErro
         let managers = zeros(managers, reg::SYNC_MANAGER_SIZE);
         requests.write(&station, reg::SYNC_MANAGER, &managers)?;
     }
-    Ok(count)
+    Ok(states)
+}
+
+/// The devices of a plan in INIT, each with its EEPROM, whose identity is that of the plan.
+fn identified<'p>(
+    requests: &mut Requests<'_>,
+    devices: &'p [DevicePlan],
+) -> Result<Vec<Known<'p>>, BusError> {
+    let found = enumerate(requests, false)?.len();
+    let wanted = devices.len();
+    if found != wanted {
+        return Err(BusError::Count { found, wanted });
+    }
+    let each = (0u16..).zip(devices).map(|(index, plan)| {
+        let station = Station::new(&plan.name, FIRST_STATION + index);
+        requests.await_state(&station, AlState::Init)?;
+        let sii = requests.sii(&station)?;
+        identify(usize::from(index) + 1, plan, &sii)?;
+        Ok(Known { plan, station, sii })
+    });
+    each.collect()
 }
 
 /// Gives a device its mailbox, if it has one.
@@ -139,15 +160,14 @@ fn set_manager(
 /// No device answers, or the line is down.
 pub fn scan(line: &mut dyn Line, source: [u8; 6], releases: bool) -> Result<Vec<Found>, BusError> {
     let mut requests = Requests::new(line, source);
-    let states = states_before(&mut requests)?;
-    let count = enumerate(&mut requests, releases)?;
-    let mut all = Vec::with_capacity(count.into());
-    for index in 0..count {
+    let states = enumerate(&mut requests, releases)?;
+    let mut all = Vec::with_capacity(states.len());
+    for (index, state) in (0u16..).zip(states) {
         let mut station = Station::new(&format!("{}", index + 1), FIRST_STATION + index);
         let mut found = Found {
             name: String::new(),
             identity: [0; 3],
-            state: states.get(usize::from(index)).copied().flatten(),
+            state,
             outputs: Vec::new(),
             inputs: Vec::new(),
             remark: None,
@@ -157,19 +177,8 @@ pub fn scan(line: &mut dyn Line, source: [u8; 6], releases: bool) -> Result<Vec<
         }
         all.push(found);
     }
-    requests.write_all(reg::AL_CONTROL, &[AlState::Init as u8 | reg::AL_ERROR, 0])?;
+    requests.all_to_init()?;
     Ok(all)
-}
-
-fn states_before(requests: &mut Requests<'_>) -> Result<Vec<Option<AlState>>, BusError> {
-    let count = requests.ask(Service::Brd, 0, &mut [0])?;
-    let state = |index| {
-        let mut status = [0u8; 1];
-        let address = at(position(index), reg::AL_STATUS);
-        let counter = requests.ask(Service::Aprd, address, &mut status)?;
-        Ok(AlState::of(status[0]).filter(|_| counter == 1))
-    };
-    (0..count).map(state).collect()
 }
 
 fn describe(
@@ -495,23 +504,7 @@ pub fn bring_up(
 ) -> Result<Box<Bus>, BusError> {
     let mut requests = Requests::new(line.as_mut(), source);
     requests.patience_ns = plan.patience_ns;
-    let found = enumerate(&mut requests, false)?;
-    if usize::from(found) != plan.devices.len() {
-        let wanted = plan.devices.len();
-        return Err(BusError::Count { found, wanted });
-    }
-    let mut known = Vec::with_capacity(plan.devices.len());
-    for (index, device) in (0u16..).zip(&plan.devices) {
-        let station = Station::new(&device.name, FIRST_STATION + index);
-        requests.await_state(&station, AlState::Init)?;
-        let sii = requests.sii(&station)?;
-        identify(usize::from(index) + 1, device, &sii)?;
-        known.push(Known {
-            plan: device,
-            station,
-            sii,
-        });
-    }
+    let mut known = identified(&mut requests, &plan.devices)?;
     for device in &mut known {
         open_mailbox(&mut requests, &mut device.station, &device.sii)?;
     }
@@ -621,12 +614,6 @@ fn process_data(
     known: &[Known<'_>],
     plan: &BusPlan,
 ) -> Result<Vec<Member>, BusError> {
-    let length = |entries: &[Entry]| {
-        entries
-            .iter()
-            .map(|entry| entry.kind.bytes())
-            .sum::<usize>()
-    };
     let outputs: usize = known.iter().map(|one| length(&one.plan.outputs)).sum();
     let (mut output, mut input) = (0, outputs);
     let mut members = Vec::with_capacity(known.len());
@@ -752,40 +739,28 @@ pub fn reset_faults(
     source: [u8; 6],
 ) -> Result<Vec<String>, BusError> {
     let mut requests = Requests::new(line, source);
-    let found = enumerate(&mut requests, false)?;
-    if usize::from(found) != plan.devices.len() {
-        let wanted = plan.devices.len();
-        return Err(BusError::Count { found, wanted });
-    }
     let mut reset = Vec::new();
-    for (index, device) in (0u16..).zip(&plan.devices) {
-        let mut station = Station::new(&device.name, FIRST_STATION + index);
-        requests.await_state(&station, AlState::Init)?;
-        let sii = requests.sii(&station)?;
-        identify(usize::from(index) + 1, device, &sii)?;
+    for mut known in identified(&mut requests, &plan.devices)? {
+        let (device, station) = (known.plan, &mut known.station);
         if device.drive.is_none() {
             continue;
         }
-        open_mailbox(&mut requests, &mut station, &sii)?;
-        requests.request_state(&station, AlState::PreOp)?;
-        requests.await_state(&station, AlState::PreOp)?;
+        open_mailbox(&mut requests, station, &known.sii)?;
+        requests.request_state(station, AlState::PreOp)?;
+        requests.await_state(station, AlState::PreOp)?;
         let object = |index| Object { index, sub: 0 };
-        let status = requests.upload_exact(&mut station, object(drive::STATUSWORD))?;
+        let status = requests.upload_exact(station, object(drive::STATUSWORD))?;
         if drive::DriveState::of(u16::from_le_bytes(status)).is_fault() {
             for word in [
                 drive::DISABLE_VOLTAGE,
                 drive::FAULT_RESET,
                 drive::DISABLE_VOLTAGE,
             ] {
-                requests.download(
-                    &mut station,
-                    object(drive::CONTROLWORD),
-                    &word.to_le_bytes(),
-                )?;
+                requests.download(station, object(drive::CONTROLWORD), &word.to_le_bytes())?;
             }
-            let status = requests.upload_exact(&mut station, object(drive::STATUSWORD))?;
+            let status = requests.upload_exact(station, object(drive::STATUSWORD))?;
             if drive::DriveState::of(u16::from_le_bytes(status)).is_fault() {
-                let code = requests.upload_exact(&mut station, object(drive::ERROR_CODE))?;
+                let code = requests.upload_exact(station, object(drive::ERROR_CODE))?;
                 let code = u16::from_le_bytes(code);
                 return Err(BusError::Drive {
                     device: device.name.clone(),
@@ -795,7 +770,7 @@ pub fn reset_faults(
             reset.push(device.name.clone());
         }
     }
-    requests.write_all(reg::AL_CONTROL, &[AlState::Init as u8 | reg::AL_ERROR, 0])?;
+    requests.all_to_init()?;
     Ok(reset)
 }
 

@@ -192,10 +192,7 @@ impl Bus {
         } else {
             (&device.outputs, member.outputs.start)
         };
-        let before = entries.get(..at.entry)?;
-        let kind = entries.get(at.entry)?.kind;
-        let offset = start + before.iter().map(|entry| entry.kind.bytes()).sum::<usize>();
-        Some(Place { offset, kind })
+        Place::nth(entries, start, at.entry)
     }
 
     /// The drive of a device, from 0, among all drives.
@@ -515,7 +512,7 @@ impl Bus {
     /// Leaves the bus: INIT for all devices. Nothing is exchanged after that.
     pub(crate) fn close(&mut self) {
         let mut requests = Requests::new(self.line.as_mut(), self.source);
-        let _ = requests.write_all(reg::AL_CONTROL, &[AlState::Init as u8 | reg::AL_ERROR, 0]);
+        let _ = requests.all_to_init();
     }
 
     /// The first device that is not in the wanted state. Asks each of them.

@@ -41,7 +41,7 @@ pub enum BusError {
     #[error("{found} devices answer, but the test file has {wanted}: `gusset bus scan` lists them")]
     Count {
         /// Devices that answer.
-        found: u16,
+        found: usize,
         /// Devices of the test file.
         wanted: usize,
     },

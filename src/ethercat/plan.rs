@@ -67,6 +67,18 @@ pub struct Scaled {
     pub zero_count: f64,
 }
 
+impl Scaled {
+    /// The value of a count.
+    pub(crate) fn value(&self, count: f64) -> f64 {
+        (count - self.zero_count) * self.per_count
+    }
+
+    /// The count of a value, with its fraction.
+    pub(crate) fn count(&self, value: f64) -> f64 {
+        value / self.per_count + self.zero_count
+    }
+}
+
 /// An input with flags: `(count & mask) == equals` is right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Check {

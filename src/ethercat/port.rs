@@ -28,26 +28,24 @@ const UNTRIED: &str = "EtherCAT in Gusset was never tried on hardware: prove it 
 #[derive(Debug, Clone, Copy)]
 struct Signal {
     place: Place,
-    per_count: f64,
-    zero_count: f64,
+    scaled: Scaled,
 }
 
 impl Signal {
     fn new(bus: &Bus, scaled: &Scaled, is_input: bool) -> Option<Self> {
         Some(Self {
             place: bus.place(scaled.at, is_input)?,
-            per_count: scaled.per_count,
-            zero_count: scaled.zero_count,
+            scaled: *scaled,
         })
     }
 
     fn read(&self, image: &[u8]) -> f64 {
-        (self.place.read(image) - self.zero_count) * self.per_count
+        self.scaled.value(self.place.read(image))
     }
 
     /// Writes a value; true if it is beyond the type.
     fn write(&self, value: f64, image: &mut [u8]) -> bool {
-        let count = value / self.per_count + self.zero_count;
+        let count = self.scaled.count(value);
         let (low, high) = self.place.kind.range();
         let limited = count.clamp(low, high);
         self.place.write(limited, image);
@@ -416,7 +414,7 @@ impl Substructure for BusPort {
     }
 
     fn holder(&self) -> Holder {
-        if self.is_armed || self.shared.is_live() {
+        if self.shared.is_live() {
             Holder::ItsWatchdog
         } else {
             Holder::NeverArmed

@@ -250,6 +250,12 @@ impl<'l> Requests<'l> {
         self.write(station, reg::AL_CONTROL, &[wanted as u8, 0])
     }
 
+    /// Brings all devices to INIT, and acknowledges their errors.
+    pub(crate) fn all_to_init(&mut self) -> Result<(), BusError> {
+        let init = [AlState::Init as u8 | reg::AL_ERROR, 0];
+        self.write_all(reg::AL_CONTROL, &init).map(drop)
+    }
+
     /// Waits until a device has the state. `meanwhile` is called again and again.
     pub(crate) fn await_state(
         &mut self,

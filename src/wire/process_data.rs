@@ -131,6 +131,12 @@ pub struct Entry {
     pub name: Option<String>,
 }
 
+/// Length in bytes of these entries in a frame.
+#[must_use]
+pub fn length(entries: &[Entry]) -> usize {
+    entries.iter().map(|entry| entry.kind.bytes()).sum()
+}
+
 /// Why a text is no entry.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EntryError {

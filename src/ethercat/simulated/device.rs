@@ -9,7 +9,7 @@ use crate::wire::drive as words;
 use crate::wire::register as reg;
 use crate::wire::register::AlState;
 use crate::wire::sii::{Contents, Manager, Sii};
-use gusset_wire::process_data::{Entry, Kind};
+use gusset_wire::process_data::{Entry, Kind, length};
 
 /// Bytes of memory: registers and process data.
 const MEMORY: usize = 0x3000;
@@ -63,7 +63,6 @@ impl Device {
         time: TimeSource,
         counts: f64,
     ) -> Self {
-        let bytes = |entries: &[Entry]| entries.iter().map(|one| one.kind.bytes()).sum::<usize>();
         let manager = |(start, length): (u16, u16), control, kind| Manager {
             start,
             length,
@@ -83,8 +82,8 @@ impl Device {
             managers: vec![
                 manager(RECEIVE, 0x26, 1),
                 manager(SEND, 0x22, 2),
-                manager((OUTPUTS, bytes(&plan.outputs) as u16), 0x64, 3),
-                manager((INPUTS, bytes(&plan.inputs) as u16), 0x20, 4),
+                manager((OUTPUTS, length(&plan.outputs) as u16), 0x64, 3),
+                manager((INPUTS, length(&plan.inputs) as u16), 0x20, 4),
             ],
         };
         let contents = Contents {
@@ -152,7 +151,7 @@ impl Device {
         self.word(reg::STATION)
     }
 
-    /// A datagram reads or writes registers or memory; true if it took part. `others` is the number of devices on the bus.
+    /// A datagram reads or writes registers or memory; true if it took part. `devices` is the number of devices on the bus.
     pub(super) fn access(
         &mut self,
         (access, register): (Access, u16),
@@ -365,17 +364,13 @@ impl Device {
                 servo.fail(0x8700);
             }
         } else if self.plan.setup.is_empty() {
-            let length = self.length(&self.plan.outputs);
+            let length = length(&self.plan.outputs);
             let at = usize::from(OUTPUTS);
             if let Some(place) = self.memory.get_mut(at..at + length) {
                 place.fill(0);
             }
         }
         self.has_dropped = true;
-    }
-
-    fn length(&self, entries: &[Entry]) -> usize {
-        entries.iter().map(|entry| entry.kind.bytes()).sum()
     }
 
     /// The watchdog of its process data, and the patience for its first outputs.
@@ -392,27 +387,24 @@ impl Device {
         }
     }
 
+    /// Its entries of one direction, and where they begin in its memory.
+    fn entries(&self, is_input: bool) -> (&[Entry], usize) {
+        if is_input {
+            (&self.plan.inputs, INPUTS.into())
+        } else {
+            (&self.plan.outputs, OUTPUTS.into())
+        }
+    }
+
     /// Place of an entry in its memory.
     pub(super) fn place(&self, entry: usize, is_input: bool) -> Option<Place> {
-        let (entries, start) = if is_input {
-            (&self.plan.inputs, INPUTS)
-        } else {
-            (&self.plan.outputs, OUTPUTS)
-        };
-        let before = entries.get(..entry)?;
-        let offset = usize::from(start) + self.length(before);
-        let kind = entries.get(entry)?.kind;
-        Some(Place { offset, kind })
+        let (entries, start) = self.entries(is_input);
+        Place::nth(entries, start, entry)
     }
 
     fn object(&self, index: u16, is_input: bool) -> Option<Place> {
-        let entries = if is_input {
-            &self.plan.inputs
-        } else {
-            &self.plan.outputs
-        };
-        let entry = entries.iter().position(|entry| entry.index == index)?;
-        self.place(entry, is_input)
+        let (entries, start) = self.entries(is_input);
+        Place::of_object(entries, start, index)
     }
 
     /// One tick of its drive, with the outputs that it has.

@@ -41,36 +41,33 @@ pub(super) fn stands_at(plants: &[Plant], plan: &BusPlan, device: usize) -> f64 
 /// A quantity in the memory of a device.
 #[derive(Debug, Clone, Copy)]
 struct Signal {
-    device: usize,
     place: Place,
-    per_count: f64,
-    zero_count: f64,
+    scaled: Scaled,
 }
 
 impl Signal {
     fn new(scaled: &Scaled, devices: &[Device], is_input: bool) -> Option<Self> {
         let EntryPlace { device, entry } = scaled.at;
         Some(Self {
-            device,
             place: devices.get(device)?.place(entry, is_input)?,
-            per_count: scaled.per_count,
-            zero_count: scaled.zero_count,
+            scaled: *scaled,
         })
     }
 
     fn read(&self, devices: &[Device]) -> f64 {
-        let device = devices.get(self.device);
+        let device = devices.get(self.scaled.at.device);
         let count = device.map_or(0.0, |device| self.place.read(&device.memory));
-        (count - self.zero_count) * self.per_count
+        self.scaled.value(count)
     }
 
     fn write(&self, value: f64, devices: &mut [Device], frozen: &[bool]) {
-        if frozen.get(self.device) == Some(&true) {
+        let device = self.scaled.at.device;
+        if frozen.get(device) == Some(&true) {
             return;
         }
-        if let Some(device) = devices.get_mut(self.device) {
-            let count = value / self.per_count + self.zero_count;
-            self.place.write(count, &mut device.memory);
+        if let Some(device) = devices.get_mut(device) {
+            self.place
+                .write(self.scaled.count(value), &mut device.memory);
         }
     }
 }
