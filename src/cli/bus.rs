@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use gusset_config::{BusTable, TimingSpec};
-use gusset_ethercat::simulated::{Fault, Passage, SimulatedBus};
+use gusset_ethercat::simulated::{Fault, FaultScript, Passage, SimulatedBus};
 use gusset_ethercat::{BusError, Found, reset_faults, scan};
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::packet::PacketSocket;
@@ -172,14 +172,9 @@ fn open(interface: &str) -> anyhow::Result<PacketSocket> {
 }
 
 fn read_faults(file: &Path) -> anyhow::Result<Vec<Fault>> {
-    #[derive(serde::Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Script {
-        fault: Vec<Fault>,
-    }
     let text = std::fs::read_to_string(file);
     let text = text.with_context(|| format!("{} cannot be read", file.display()))?;
-    let script: Result<Script, _> = toml::from_str(&text);
+    let script: Result<FaultScript, _> = toml::from_str(&text);
     let script = script.with_context(|| format!("{} is no fault script", file.display()))?;
     Ok(script.fault)
 }
@@ -222,13 +217,7 @@ fn serve(
             Passage::Lost => continue,
             Passage::Late(ns) => pause(Duration::from_nanos(ns)),
             Passage::Twice => socket.send(frame)?,
-            Passage::BehindForeign => {
-                let mut foreign = frame.to_vec();
-                if let Some(source) = foreign.get_mut(6..12) {
-                    source.copy_from_slice(&[0x02, 1, 2, 3, 4, 5]);
-                }
-                socket.send(&foreign)?;
-            }
+            Passage::BehindForeign => socket.send(&Passage::foreign(frame))?,
             Passage::Returns => {}
         }
         socket.send(frame)?;

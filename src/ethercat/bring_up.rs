@@ -5,11 +5,13 @@
 
 use crate::clocks;
 use crate::cycle::{Bus, Member};
+use crate::drive_setup::{check_drive, prepare_drive};
 use crate::error::BusError;
 use crate::line::Line;
-use crate::plan::{BusPlan, DevicePlan, DrivePlan, TimeSource};
+use crate::pdo::{Direction, INPUTS, OUTPUT_KIND, OUTPUTS, map, mapped};
+use crate::plan::{BusPlan, DevicePlan, TimeSource};
 use crate::request::{Known, Requests, Station};
-use crate::wire::coe::{NO_OBJECT, Object};
+use crate::wire::coe::Object;
 use crate::wire::datagram::{Service, at, position};
 use crate::wire::drive;
 use crate::wire::register as reg;
@@ -19,18 +21,12 @@ use gusset_wire::process_data::{Entry, SetupWrite, length};
 
 /// Station address of the first device.
 const FIRST_STATION: u16 = 0x1001;
-/// Control bytes of a sync manager that the EEPROM does not give.
-const OUTPUT_CONTROL: u8 = 0x64;
-const INPUT_CONTROL: u8 = 0x20;
-/// Bit of the control byte by which a sync manager triggers the watchdog, and the kind of a sync manager of outputs.
+/// Bit of the control byte by which a sync manager triggers the watchdog.
 const WATCHED: u8 = 0x40;
-const OUTPUT_KIND: u8 = 3;
 /// Units of the watchdog in ns, each with its divider in units of 40 ns, less two. The first that can express the time is taken.
 const WATCHDOG_UNITS: [(u64, u16); 2] = [(100_000, 2498), (1_000_000, 24_998)];
 /// First word of the text by which a simulated device tells itself apart.
 pub(crate) const SIMULATED: &str = "simulated ";
-/// First quick-stop option (605A) after which the drive keeps its torque.
-const KEEPS_TORQUE: i16 = 5;
 
 /// A device that was found by a scan.
 #[derive(Debug, Clone, PartialEq)]
@@ -201,207 +197,6 @@ fn describe(
     Ok(())
 }
 
-/// One direction of the process data.
-#[derive(Debug, Clone, Copy)]
-struct Direction {
-    /// Its key in the test file.
-    key: &'static str,
-    /// Object with the list of its PDOs, and the first of them.
-    assignment: u16,
-    pdo: u16,
-    /// Sync manager of a device with a mailbox, its kind in the EEPROM and its control byte.
-    manager: u16,
-    kind: u8,
-    control: u8,
-}
-
-const OUTPUTS: Direction = Direction {
-    key: "outputs",
-    assignment: 0x1c12,
-    pdo: 0x1600,
-    manager: 2,
-    kind: OUTPUT_KIND,
-    control: OUTPUT_CONTROL,
-};
-
-const INPUTS: Direction = Direction {
-    key: "inputs",
-    assignment: 0x1c13,
-    pdo: 0x1a00,
-    manager: 3,
-    kind: 4,
-    control: INPUT_CONTROL,
-};
-
-/// The entries that a device maps in this direction: its objects and their lengths in bits.
-fn mapping(
-    requests: &mut Requests<'_>,
-    station: &mut Station,
-    direction: Direction,
-) -> Result<Vec<(Object, u8)>, BusError> {
-    let mut all = Vec::new();
-    let object = |index, sub| Object { index, sub };
-    let pdos = match requests.upload_exact(station, object(direction.assignment, 0)) {
-        Ok([pdos]) => pdos,
-        // A device that maps nothing in this direction may leave the object out.
-        Err(BusError::Object {
-            abort: Some(NO_OBJECT),
-            ..
-        }) => 0,
-        Err(error) => return Err(error),
-    };
-    for number in 1..=pdos {
-        let pdo = requests.upload_exact(station, object(direction.assignment, number))?;
-        let pdo = u16::from_le_bytes(pdo);
-        let [entries] = requests.upload_exact(station, object(pdo, 0))?;
-        for entry in 1..=entries {
-            let [bits, sub, low, high] = requests.upload_exact(station, object(pdo, entry))?;
-            all.push((object(u16::from_le_bytes([low, high]), sub), bits));
-        }
-    }
-    Ok(all)
-}
-
-/// The mapping as entries of the test file. The dictionary does not tell signed from unsigned: a signed integer is assumed where the
-/// object is no word of flags.
-fn mapped(
-    requests: &mut Requests<'_>,
-    station: &mut Station,
-    direction: Direction,
-) -> Result<Vec<Entry>, BusError> {
-    let entries = in_bytes(&mapping(requests, station, direction)?);
-    let text = |(object, bits): &(Object, u32)| {
-        let kind = match bits {
-            8 => "u8",
-            16 if object.sub > 1 => "i16",
-            16 => "u16",
-            32 => "i32",
-            64 => "f64",
-            _ => return Err((*object, *bits)),
-        };
-        let text = format!("{:04x}:{:02x} {kind}", object.index, object.sub);
-        text.parse().map_err(|_| (*object, *bits))
-    };
-    let all: Result<Vec<Entry>, _> = entries.iter().map(text).collect();
-    all.map_err(|(object, bits)| BusError::Object {
-        device: station.name.clone(),
-        index: object.index,
-        sub: object.sub,
-        abort: None,
-        why: format!("it maps {bits} bits; 8, 16, 32 and 64 are supported"),
-    })
-}
-
-/// Puts single bits together: bits that follow each other are one entry, named by the first of them.
-fn in_bytes(entries: &[(Object, u8)]) -> Vec<(Object, u32)> {
-    let mut all: Vec<(Object, u32)> = Vec::new();
-    let mut is_open = false;
-    for (object, bits) in entries {
-        let is_whole = bits % 8 == 0;
-        match all.last_mut() {
-            Some((_, sum)) if is_open && (sum.wrapping_rem(8) != 0 || !is_whole) => {
-                *sum += u32::from(*bits);
-            }
-            _ => all.push((*object, u32::from(*bits))),
-        }
-        is_open = is_open && all.last().is_some_and(|(_, sum)| sum % 8 != 0) || !is_whole;
-    }
-    all
-}
-
-/// True if the entries of the test file cover those of the device: each begins where the device has the object, and ends with an
-/// entry of the device. An entry may cover several, for instance the single bits of a state.
-fn covers(wanted: &[Entry], found: &[(Object, u8)]) -> bool {
-    let mut rest = found.iter();
-    let each = wanted.iter().all(|entry| {
-        let Some((first, bits)) = rest.next() else {
-            return false;
-        };
-        let mut missing = 8 * entry.kind.bytes() as i64 - i64::from(*bits);
-        while missing > 0 {
-            let Some((_, bits)) = rest.next() else {
-                return false;
-            };
-            missing -= i64::from(*bits);
-        }
-        missing == 0 && (first.index, first.sub) == (entry.index, entry.sub)
-    });
-    each && rest.next().is_none()
-}
-
-/// Compares the mapping with the test file, or writes it.
-fn map(
-    requests: &mut Requests<'_>,
-    station: &mut Station,
-    direction: Direction,
-    (entries, assign): (&[Entry], bool),
-) -> Result<(), BusError> {
-    if assign {
-        return assign_mapping(requests, station, direction, entries);
-    }
-    let found = mapping(requests, station, direction)?;
-    if covers(entries, &found) {
-        return Ok(());
-    }
-    let wanted = entries.iter().map(|entry| {
-        let object = Object {
-            index: entry.index,
-            sub: entry.sub,
-        };
-        (object, 8 * entry.kind.bytes() as u8)
-    });
-    let wanted: Vec<(Object, u8)> = wanted.collect();
-    let in_words = |entries: &[(Object, u8)]| {
-        let each = entries.iter().map(|(object, bits)| {
-            format!("{:04x}:{:02x} of {bits} bits", object.index, object.sub)
-        });
-        let all: Vec<String> = each.collect();
-        if all.is_empty() {
-            "none".to_owned()
-        } else {
-            all.join(", ")
-        }
-    };
-    Err(BusError::Mapping {
-        device: station.name.clone(),
-        direction: direction.key,
-        found: in_words(&found),
-        wanted: in_words(&wanted),
-    })
-}
-
-fn assign_mapping(
-    requests: &mut Requests<'_>,
-    station: &mut Station,
-    direction: Direction,
-    entries: &[Entry],
-) -> Result<(), BusError> {
-    let object = |index, sub| Object { index, sub };
-    let Direction {
-        assignment, pdo, ..
-    } = direction;
-    let count = u8::try_from(entries.len()).unwrap_or(u8::MAX);
-    match requests.download(station, object(assignment, 0), &[0]) {
-        Err(BusError::Object {
-            abort: Some(NO_OBJECT),
-            ..
-        }) if count == 0 => return Ok(()),
-        outcome => outcome?,
-    }
-    if count == 0 {
-        return Ok(());
-    }
-    requests.download(station, object(pdo, 0), &[0])?;
-    for (number, entry) in (1u8..).zip(entries) {
-        let [low, high] = entry.index.to_le_bytes();
-        let word = [8 * entry.kind.bytes() as u8, entry.sub, low, high];
-        requests.download(station, object(pdo, number), &word)?;
-    }
-    requests.download(station, object(pdo, 0), &[count])?;
-    requests.download(station, object(assignment, 1), &pdo.to_le_bytes())?;
-    requests.download(station, object(assignment, 0), &[1])
-}
-
 fn set_up(
     requests: &mut Requests<'_>,
     station: &mut Station,
@@ -418,79 +213,6 @@ fn set_up(
         requests.download(station, object, bytes)?;
     }
     Ok(())
-}
-
-/// Checks and sets what a drive needs before it may have torque.
-fn prepare_drive(
-    requests: &mut Requests<'_>,
-    station: &mut Station,
-    plan: &DrivePlan,
-    period_ns: u64,
-) -> Result<(), BusError> {
-    let object = |index, sub| Object { index, sub };
-    let refuse = |why: String| BusError::Drive {
-        device: station.name.clone(),
-        why,
-    };
-    let (units, exponent) = interpolation_time(period_ns).ok_or_else(|| {
-        let why = format!("60C2 cannot express a tick of {period_ns} ns: choose another rate");
-        refuse(why)
-    })?;
-    let option: [u8; 2] = requests.upload_exact(station, object(drive::QUICK_STOP_OPTION, 0))?;
-    let option = i16::from_le_bytes(option);
-    if option < KEEPS_TORQUE && !plan.accepts_free_stop {
-        let why = format!(
-            "its quick-stop option 605A is {option}: the axis would have no torque afterwards. Set 5, 6 or 7, or accept it with \
-             `accept = \"torque off at quick stop\"`"
-        );
-        return Err(BusError::Drive {
-            device: station.name.clone(),
-            why,
-        });
-    }
-    if let Some(most) = plan.following_counts {
-        let window = requests.upload_exact(station, object(drive::FOLLOWING_WINDOW, 0))?;
-        let window = u32::from_le_bytes(window);
-        if f64::from(window) > most {
-            let why = format!(
-                "its window of the following error 6065 is {window} counts, but the trip level of `following_error_m` is {most:.0}: \
-                 the drive would not notice first. Set a smaller window"
-            );
-            return Err(BusError::Drive {
-                device: station.name.clone(),
-                why,
-            });
-        }
-    }
-    requests.download(station, object(drive::INTERPOLATION_TIME, 1), &[units])?;
-    requests.download(
-        station,
-        object(drive::INTERPOLATION_TIME, 2),
-        &[exponent as u8],
-    )?;
-    let [kept] = requests.upload_exact(station, object(drive::INTERPOLATION_TIME, 1))?;
-    let [power] = requests.upload_exact(station, object(drive::INTERPOLATION_TIME, 2))?;
-    if (kept, power as i8) != (units, exponent) {
-        let power = power as i8;
-        let why = format!(
-            "its interpolation time 60C2 is {kept}·10^{power} s, but {units}·10^{exponent} s was written"
-        );
-        return Err(BusError::Drive {
-            device: station.name.clone(),
-            why,
-        });
-    }
-    let mode = drive::CYCLIC_POSITION as u8;
-    requests.download(station, object(drive::MODE, 0), &[mode])
-}
-
-/// A period as a number of units of 10^exponent s: the largest unit that divides it.
-fn interpolation_time(period_ns: u64) -> Option<(u8, i8)> {
-    (-9..=-1).rev().find_map(|exponent: i8| {
-        let unit = 10u64.checked_pow(u32::try_from(9 + exponent).ok()?)?;
-        let units = u8::try_from(period_ns / unit).ok()?;
-        (period_ns.is_multiple_of(unit) && units > 0).then_some((units, exponent))
-    })
 }
 
 /// Brings the devices of `plan` to SAFE-OP. `source` is the sender of our frames.
@@ -546,38 +268,6 @@ pub fn bring_up(
         .iter()
         .all(|device| device.sii.name.starts_with(SIMULATED));
     Bus::new(line, plan, source, (members, reference, simulated)).map(Box::new)
-}
-
-/// A drive in SAFE-OP has no fault, and the mode that was written. A mode in the process data is written in OP only.
-fn check_drive(requests: &mut Requests<'_>, device: &mut Known<'_>) -> Result<(), BusError> {
-    let station = &mut device.station;
-    let object = |index| Object { index, sub: 0 };
-    let status = requests.upload_exact(station, object(drive::STATUSWORD))?;
-    if drive::DriveState::of(u16::from_le_bytes(status)).is_fault() {
-        let code = requests.upload_exact(station, object(drive::ERROR_CODE))?;
-        let code = u16::from_le_bytes(code);
-        return Err(BusError::Drive {
-            device: station.name.clone(),
-            why: format!(
-                "it has the fault {code:#06x} (603F): remove its cause, then `gusset bus reset`"
-            ),
-        });
-    }
-    let is_mapped = |entry: &Entry| entry.index == drive::MODE;
-    if device.plan.outputs.iter().any(is_mapped) {
-        return Ok(());
-    }
-    let [found] = requests.upload_exact(station, object(drive::MODE_DISPLAY))?;
-    if found as i8 == drive::CYCLIC_POSITION {
-        return Ok(());
-    }
-    Err(BusError::Drive {
-        device: station.name.clone(),
-        why: format!(
-            "its mode 6061 is {}, but 8 (cyclic synchronous position) was written to 6060",
-            found as i8
-        ),
-    })
 }
 
 fn identify(position: usize, device: &DevicePlan, sii: &Sii) -> Result<(), BusError> {
@@ -772,72 +462,4 @@ pub fn reset_faults(
     }
     requests.all_to_init()?;
     Ok(reset)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A terminal of two channels: a state of single bits and a gap, then a value.
-    fn terminal() -> Vec<(Object, u8)> {
-        let object = |index, sub| Object { index, sub };
-        let bits = [
-            (1, 1),
-            (2, 1),
-            (3, 2),
-            (5, 2),
-            (7, 1),
-            (0, 7),
-            (15, 1),
-            (16, 1),
-        ];
-        let mut all = Vec::new();
-        for channel in [0x6000, 0x6010] {
-            all.extend(bits.map(|(sub, bits)| (object(channel, sub), bits)));
-            all.push((object(channel, 0x11), 16));
-        }
-        all
-    }
-
-    #[test]
-    fn single_bits_are_one_entry() {
-        let entries = |texts: &[&str]| -> Vec<Entry> {
-            texts.iter().map(|text| text.parse().unwrap()).collect()
-        };
-        let words = [
-            "6000:01 u16 state",
-            "6000:11 i16",
-            "6010:01 u16",
-            "6010:11 i16",
-        ];
-        assert!(covers(&entries(&words), &terminal()));
-        for (at, other) in [
-            (0, "6000:01 u8"),
-            (0, "6000:02 u16"),
-            (1, "6000:11 i32"),
-            (3, "6010:12 i16"),
-        ] {
-            let mut words = words;
-            words[at] = other;
-            assert!(!covers(&entries(&words), &terminal()), "{other}");
-        }
-        assert!(!covers(&entries(&words[..3]), &terminal()));
-        assert!(!covers(&entries(&words), &terminal()[..17]));
-        let sizes = in_bytes(&terminal());
-        let sizes: Vec<_> = sizes.iter().map(|(o, bits)| (o.sub, *bits)).collect();
-        assert_eq!(sizes, [(1, 16), (0x11, 16), (1, 16), (0x11, 16)]);
-    }
-
-    #[test]
-    fn a_period_becomes_an_interpolation_time() {
-        for (period_ns, wanted) in [
-            (1_000_000, Some((1, -3))),
-            (2_000_000, Some((2, -3))),
-            (500_000, Some((5, -4))),
-            (250_000, Some((25, -5))),
-            (976_562, None),
-        ] {
-            assert_eq!(interpolation_time(period_ns), wanted, "{period_ns}");
-        }
-    }
 }

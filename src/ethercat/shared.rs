@@ -59,10 +59,11 @@ pub(crate) enum Stage {
 pub(crate) struct Held {
     pub bus: Box<Bus>,
     pub stage: Stage,
-    /// Specimens that have written their command in this tick, and those that were retired.
+    /// Specimens that have written their command in this tick.
     pub written: usize,
     /// Specimens whose commands the frame of a tick waits for: those that wrote in the tick before.
     pub expected: usize,
+    /// Specimens that were retired.
     pub retired: usize,
 }
 
@@ -73,10 +74,10 @@ pub struct SharedBus {
     specimens: usize,
     time: Arc<BusTime>,
     opener: Mutex<Option<Opener>>,
-    /// Clock of the keeper; none on simulated time, where nothing happens beside the loop.
-    clock: Mutex<Option<Keeper>>,
+    /// Means of the keeper until it starts; none on simulated time, where nothing happens beside the loop.
+    keeper: Mutex<Option<Keeper>>,
     is_on_simulated_time: bool,
-    keeper: Mutex<Option<JoinHandle<()>>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
     put: Sender<Box<Held>>,
     slot: Receiver<Box<Held>>,
     /// The loop does not exchange.
@@ -98,14 +99,14 @@ impl std::fmt::Debug for SharedBus {
 }
 
 impl SharedBus {
-    /// A bus of this plan, which is not connected yet. `source` is the sender of our frames. `clock` is that of
-    /// the keeper: none on simulated time.
+    /// A bus of this plan, which is not connected yet. `source` is the sender of our frames. There is no
+    /// `keeper` on simulated time.
     #[must_use]
     pub fn new(
         plan: BusPlan,
         (source, specimens): ([u8; 6], usize),
         opener: Opener,
-        clock: Option<Keeper>,
+        keeper: Option<Keeper>,
     ) -> Arc<Self> {
         let (put, slot) = bounded(1);
         Arc::new(Self {
@@ -114,9 +115,9 @@ impl SharedBus {
             specimens,
             time: Arc::new(BusTime::default()),
             opener: Mutex::new(Some(opener)),
-            is_on_simulated_time: clock.is_none(),
-            clock: Mutex::new(clock),
-            keeper: Mutex::new(None),
+            is_on_simulated_time: keeper.is_none(),
+            keeper: Mutex::new(keeper),
+            thread: Mutex::new(None),
             put,
             slot,
             is_idle: AtomicBool::new(true),
@@ -177,16 +178,16 @@ impl SharedBus {
             expected: self.specimens,
             retired: 0,
         }));
-        let clock = self.clock.lock().ok().and_then(|mut clock| clock.take());
-        if let Some(clock) = clock {
+        let keeper = self.keeper.lock().ok().and_then(|mut keeper| keeper.take());
+        if let Some(Keeper { clock, prepare }) = keeper {
             let shared = Arc::downgrade(self);
             let thread = std::thread::Builder::new().name("gusset-bus".into());
-            let keeper = thread.spawn(move || {
-                (clock.prepare)();
-                keep(&shared, clock.clock.as_ref());
+            let thread = thread.spawn(move || {
+                prepare();
+                keep(&shared, clock.as_ref());
             });
-            match (keeper, self.keeper.lock()) {
-                (Ok(keeper), Ok(mut place)) => *place = Some(keeper),
+            match (thread, self.thread.lock()) {
+                (Ok(thread), Ok(mut place)) => *place = Some(thread),
                 _ => return Err(BusError::NoKeeper),
             }
         }
@@ -237,9 +238,9 @@ impl SharedBus {
         self.is_over.store(true, Ordering::Release);
         held.bus.close();
         drop(held);
-        let keeper = self.keeper.lock().ok().and_then(|mut keeper| keeper.take());
-        if let Some(keeper) = keeper {
-            let _ = keeper.join();
+        let thread = self.thread.lock().ok().and_then(|mut thread| thread.take());
+        if let Some(thread) = thread {
+            let _ = thread.join();
         }
     }
 

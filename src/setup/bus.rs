@@ -28,7 +28,9 @@ use gusset_record::rt::{RtPlan, apply, os};
 /// First bytes of the sender of our frames; the last two tell processes apart.
 const SOURCE: [u8; 4] = [0x10, 0x47, 0x53, 0x54];
 
-fn source() -> [u8; 6] {
+/// The sender of our frames.
+#[must_use]
+pub fn bus_source() -> [u8; 6] {
     let [a, b, c, d] = SOURCE;
     let [low, high, ..] = std::process::id().to_le_bytes();
     [a, b, c, d, low, high]
@@ -262,7 +264,7 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     let tables = loaded.file.specimen.iter();
     let specimens = tables.filter(|table| table.bus.is_some()).count();
     let plants: Arc<Mutex<Vec<Plant>>> = Arc::default();
-    let own = source();
+    let own = bus_source();
     let (opener, keeper): (Opener, Option<Keeper>) = if is_simulated(loaded) {
         let (plants, plan) = (Arc::clone(&plants), plan.clone());
         let open = move || -> Result<Box<dyn Line>, BusError> {
@@ -332,10 +334,4 @@ pub fn bus_of(loaded: &Loaded) -> Result<(BusPlan, String), ConfigError> {
             Err(loaded.refuse(vec![Finding::error(path("bus"), text)]))
         }
     }
-}
-
-/// The sender of our frames.
-#[must_use]
-pub fn bus_source() -> [u8; 6] {
-    source()
 }

@@ -13,7 +13,7 @@ mod same_bits;
 use std::path::Path;
 
 use gusset_config::Loaded;
-use gusset_ethercat::simulated::Fault;
+use gusset_ethercat::simulated::{Fault, FaultScript};
 
 /// A storey on a bus. `axis` is what moves it, and `more` goes to its `[specimen.bus]`.
 fn text(axis: &str, more: &str) -> String {
@@ -83,11 +83,9 @@ fn load(folder: &Path, text: &str) -> Loaded {
 }
 
 fn script(text: &str) -> Vec<Fault> {
-    #[derive(serde::Deserialize)]
-    struct Script {
-        #[serde(default)]
-        fault: Vec<Fault>,
+    if text.is_empty() {
+        return Vec::new();
     }
-    let script: Script = toml::from_str(text).unwrap();
+    let script: FaultScript = toml::from_str(text).unwrap();
     script.fault
 }

@@ -8,7 +8,7 @@ use crate::document::KeyPath;
 use crate::echo::number;
 use crate::specimen::SpecimenTable;
 use gusset_quantity::text::{is_hidden, is_reason};
-use gusset_wire::process_data::Entry;
+use gusset_wire::process_data::{Entry, length};
 
 /// Most bytes of process data of a bus. One frame holds them, with a datagram for the clock and one for the states.
 const MOST_BYTES: usize = 1400;
@@ -156,8 +156,7 @@ fn check_size(name: &str, bus: &BusTable, at: &KeyPath, findings: &mut Findings)
 }
 
 fn bytes_of(device: &DeviceTable) -> usize {
-    let entries = device.outputs.iter().chain(&device.inputs);
-    entries.map(|entry| entry.kind.bytes()).sum()
+    length(&device.outputs) + length(&device.inputs)
 }
 
 const NAME: &str = "a name has 1 to 64 bytes, no dot and no hidden character";

@@ -17,6 +17,14 @@ pub struct Fault {
     pub lasts: u64,
 }
 
+/// A script: `[[fault]]` tables.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultScript {
+    /// Its faults.
+    pub fault: Vec<Fault>,
+}
+
 const fn one() -> u64 {
     1
 }

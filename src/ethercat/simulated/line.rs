@@ -86,14 +86,7 @@ impl Line for SimulatedLine {
                 self.keep(own, now);
             }
             Passage::BehindForeign => {
-                let mut foreign = [0u8; 60];
-                for (to, from) in foreign.iter_mut().zip(own.iter()) {
-                    *to = *from;
-                }
-                if let Some(source) = foreign.get_mut(6..12) {
-                    source.copy_from_slice(&[2, 1, 2, 3, 4, 5]);
-                }
-                self.keep(&foreign, now);
+                self.keep(&Passage::foreign(own), now);
                 self.keep(own, now);
             }
         }

@@ -21,7 +21,7 @@ use crate::wire::register::AlState;
 use device::{Access, Device};
 use plant::Running;
 
-pub use fault::{Fault, FaultKind};
+pub use fault::{Fault, FaultKind, FaultScript};
 pub use line::SimulatedLine;
 pub use plant::Plant;
 
@@ -55,6 +55,19 @@ pub enum Passage {
     Twice,
     /// At once, behind a frame of another master.
     BehindForeign,
+}
+
+impl Passage {
+    /// This frame as another master would send it.
+    #[must_use]
+    pub fn foreign(frame: &[u8]) -> Vec<u8> {
+        const SOURCE: [u8; 6] = [2, 1, 2, 3, 4, 5];
+        let mut foreign = frame.to_vec();
+        if let Some(source) = foreign.get_mut(6..12) {
+            source.copy_from_slice(&SOURCE);
+        }
+        foreign
+    }
 }
 
 /// Devices and the specimens that they move.

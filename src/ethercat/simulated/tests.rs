@@ -146,12 +146,10 @@ pub(crate) fn simulated(plan: &BusPlan, faults: &str) -> (Shared, SimulatedLine)
 }
 
 fn script(text: &str) -> Vec<Fault> {
-    #[derive(serde::Deserialize)]
-    struct Script {
-        #[serde(default)]
-        fault: Vec<Fault>,
+    if text.is_empty() {
+        return Vec::new();
     }
-    let script: Script = toml::from_str(text).unwrap();
+    let script: FaultScript = toml::from_str(text).unwrap();
     script.fault
 }
 

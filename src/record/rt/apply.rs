@@ -288,6 +288,7 @@ mod tests {
             let privileges = Privileges {
                 nice,
                 ipc_lock: nice,
+                net_raw: false,
                 rtprio,
                 memlock,
             };

@@ -320,6 +320,8 @@ pub struct Privileges {
     pub nice: bool,
     /// CAP_IPC_LOCK is effective.
     pub ipc_lock: bool,
+    /// CAP_NET_RAW is effective.
+    pub net_raw: bool,
     /// RLIMIT_RTPRIO, none if unlimited.
     pub rtprio: Option<u64>,
     /// RLIMIT_MEMLOCK in bytes, none if unlimited.
@@ -334,6 +336,7 @@ pub(crate) fn privileges() -> Privileges {
     Privileges {
         nice: effective.contains(CapabilitySet::SYS_NICE),
         ipc_lock: effective.contains(CapabilitySet::IPC_LOCK),
+        net_raw: effective.contains(CapabilitySet::NET_RAW),
         rtprio: getrlimit(Resource::Rtprio).current,
         memlock: getrlimit(Resource::Memlock).current,
     }

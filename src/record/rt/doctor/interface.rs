@@ -6,21 +6,27 @@ use crate::rt::os;
 
 /// Kind of an Ethernet interface in the kernel's files (ARPHRD_ETHER).
 const ETHERNET: &str = "1";
-/// Number of CAP_NET_RAW in the mask of capabilities.
-const NET_RAW: u32 = 13;
 /// Longest delay in µs of an interrupt that does not hurt a tick.
 const MOST_COALESCING_US: u32 = 5;
 
 /// Examines the interface of this name: its kind, our rights, its delay of interrupts and the processors that take them.
 #[must_use]
 pub fn examine_interface(name: &str) -> Vec<Finding> {
-    findings(&Tree::of_this_machine(), name, os::coalescing_us(name))
+    findings(
+        &Tree::of_this_machine(),
+        name,
+        (os::privileges().net_raw, os::coalescing_us(name)),
+    )
 }
 
-fn findings(tree: &Tree, name: &str, coalescing_us: Option<u32>) -> Vec<Finding> {
+fn findings(
+    tree: &Tree,
+    name: &str,
+    (may_send, coalescing_us): (bool, Option<u32>),
+) -> Vec<Finding> {
     vec![
         interface(tree, name),
-        rights(tree),
+        rights(may_send),
         coalescing(name, coalescing_us),
         interrupts(tree, name),
     ]
@@ -54,25 +60,17 @@ fn interface(tree: &Tree, name: &str) -> Finding {
     }
 }
 
-fn rights(tree: &Tree) -> Finding {
+fn rights(may_send: bool) -> Finding {
     const TOPIC: &str = "right to raw frames";
-    let status = tree.text("proc/self/status").unwrap_or_default();
-    let mask = status
-        .lines()
-        .find_map(|line| line.strip_prefix("CapEff:"))
-        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    match mask {
-        Some(mask) if mask & (1 << NET_RAW) != 0 => {
-            Finding::new(TOPIC, "granted", Verdict::Good, "")
-        }
-        Some(_) => Finding::new(
-            TOPIC,
-            "refused (CAP_NET_RAW)",
-            Verdict::Poor,
-            "sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep $(command -v gusset)",
-        ),
-        None => Finding::new(TOPIC, "the machine does not say", Verdict::Unknown, ""),
+    if may_send {
+        return Finding::new(TOPIC, "granted", Verdict::Good, "");
     }
+    Finding::new(
+        TOPIC,
+        "refused (CAP_NET_RAW)",
+        Verdict::Poor,
+        "sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep $(command -v gusset)",
+    )
 }
 
 fn coalescing(name: &str, micros: Option<u32>) -> Finding {
@@ -124,21 +122,11 @@ fn interrupts(tree: &Tree, name: &str) -> Finding {
 
 #[cfg(test)]
 mod tests {
+    use super::super::machine::tests::machine;
     use super::*;
 
-    fn machine(files: &[(&str, &str)]) -> (tempfile::TempDir, Tree) {
-        let dir = tempfile::tempdir().unwrap();
-        for (path, text) in files {
-            let path = dir.path().join(path);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
-        }
-        let tree = Tree::at(dir.path());
-        (dir, tree)
-    }
-
-    fn verdicts(tree: &Tree, name: &str, micros: Option<u32>) -> Vec<Verdict> {
-        let all = findings(tree, name, micros);
+    fn verdicts(tree: &Tree, name: &str, asked: (bool, Option<u32>)) -> Vec<Verdict> {
+        let all = findings(tree, name, asked);
         for finding in &all {
             assert!(finding.verdict != Verdict::Poor || finding.advice.is_some());
         }
@@ -153,12 +141,11 @@ mod tests {
             ("sys/class/net/enp3s0/device/msi_irqs/31", ""),
             ("proc/irq/31/smp_affinity_list", "0-1\n"),
             ("sys/devices/system/cpu/isolated", "3\n"),
-            (
-                "proc/self/status",
-                "Name: gusset\nCapEff:\t0000000000002000\n",
-            ),
         ]);
-        assert_eq!(verdicts(&tree, "enp3s0", Some(0)), [Verdict::Good; 4]);
+        assert_eq!(
+            verdicts(&tree, "enp3s0", (true, Some(0))),
+            [Verdict::Good; 4]
+        );
     }
 
     #[test]
@@ -169,23 +156,19 @@ mod tests {
             ("sys/class/net/enp3s0/device/msi_irqs/31", ""),
             ("proc/irq/31/smp_affinity_list", "3\n"),
             ("sys/devices/system/cpu/isolated", "3\n"),
-            (
-                "proc/self/status",
-                "Name: gusset\nCapEff:\t0000000000000000\n",
-            ),
             ("sys/class/net/wlan0/type", "1\n"),
             ("sys/class/net/wlan0/wireless/link", ""),
             ("sys/class/net/lo/type", "772\n"),
         ]);
         let (fair, poor) = (Verdict::Fair, Verdict::Poor);
         assert_eq!(
-            verdicts(&tree, "enp3s0", Some(50)),
+            verdicts(&tree, "enp3s0", (false, Some(50))),
             [poor, poor, fair, fair]
         );
         for name in ["wlan0", "lo", "none"] {
-            assert_eq!(verdicts(&tree, name, None)[0], poor, "{name}");
+            assert_eq!(verdicts(&tree, name, (false, None))[0], poor, "{name}");
         }
-        let missing = &findings(&tree, "none", None)[0];
+        let missing = &findings(&tree, "none", (false, None))[0];
         assert!(missing.advice.as_ref().unwrap().contains("enp3s0"));
     }
 }

@@ -307,11 +307,11 @@ fn huge_pages(tree: &Tree) -> Found {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// A machine made of these files and no others.
-    fn machine(files: &[(&str, &str)]) -> (tempfile::TempDir, Tree) {
+    pub(in crate::rt::doctor) fn machine(files: &[(&str, &str)]) -> (tempfile::TempDir, Tree) {
         let dir = tempfile::tempdir().unwrap();
         for (path, text) in files {
             let path = dir.path().join(path);

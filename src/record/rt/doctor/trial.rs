@@ -133,6 +133,7 @@ mod tests {
             limits(&Privileges {
                 nice,
                 ipc_lock,
+                net_raw: false,
                 rtprio,
                 memlock,
             })
