@@ -2,7 +2,7 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`line`] | frames to the devices and back |
+//! | [`mod@line`] | frames to the devices and back |
 //! | [`simulated`] | devices without wires, with a specimen behind them |
 //! | [`plan`] | what a test file says about a bus: its devices, their process data, its clock |
 //!
