@@ -101,13 +101,21 @@ impl Ends {
     }
 }
 
-/// Threads of this process that carry TLS.
+/// Threads of this process that carry TLS and have not ended.
+///
+/// The kernel wakes who joins a thread shortly before it takes the thread from its list, so a thread that is exiting (flag `PF_EXITING`, field 9 of `stat`, see proc(5)) does not count.
 fn helpers() -> usize {
+    const PF_EXITING: u32 = 4;
     std::fs::read_dir("/proc/self/task")
         .unwrap()
         .filter(|task| {
-            let name = task.as_ref().unwrap().path().join("comm");
-            std::fs::read_to_string(name).is_ok_and(|name| name.trim() == "gusset-tls")
+            let stat = task.as_ref().unwrap().path().join("stat");
+            let Ok(stat) = std::fs::read_to_string(stat) else {
+                return false;
+            };
+            let (name, fields) = stat.split_once('(').unwrap().1.rsplit_once(") ").unwrap();
+            let flags: u32 = fields.split(' ').nth(6).unwrap().parse().unwrap();
+            name == "gusset-tls" && flags & PF_EXITING == 0
         })
         .count()
 }
