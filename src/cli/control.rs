@@ -14,7 +14,9 @@ use super::{answer, tell};
 use gusset_config::{Protocol, SpecimenTable, specimens_of};
 use gusset_link::served::{Latch, LinkMaker};
 use gusset_link::server::Host;
-use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
+use gusset_record::lasting::{
+    Kept, LastingError, LastingRecord, ON_BUS, SpecimenKey, state_folder,
+};
 use gusset_session::{
     self as session, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest,
     SpecimenRecords,
@@ -154,7 +156,7 @@ fn link_of(table: &SpecimenTable) -> Option<(&'static str, String)> {
     let link = table.link.as_ref().filter(|link| !link.computed)?;
     let family = match link.protocol {
         Protocol::Gusset => "gusset",
-        Protocol::Ethercat => "ethercat",
+        Protocol::Ethercat => return Some((ON_BUS, link.movers.clone()?)),
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             "openfresco"
         }

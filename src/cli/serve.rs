@@ -143,7 +143,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         None => Server::bind(served.host, options),
     }
     .map_err(|error| unbound(args, &served.source.locator, &error))?;
-    run_until_signal(server, args.quiet)
+    run_until_signal(server, args.quiet, served.held.as_deref())
 }
 
 /// Obeys the verdict of a test file whose specimen this gateway would move.

@@ -85,7 +85,7 @@ pub fn serve(
     };
     let server = Server::bind_openfresco(host, settings, options, clients, tls)
         .map_err(|error| unbound(args, &served.source.locator, &error))?;
-    run_until_signal(server, args.quiet)
+    run_until_signal(server, args.quiet, served.held.as_deref())
 }
 
 /// Note for users of SimSimulink before the first client comes: how the order of its signals is determined.

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::UnixDatagram;
+use std::time::Duration;
 
 use anyhow::Context;
 
@@ -15,7 +16,8 @@ use super::test_file::refused;
 use super::{answer, tell};
 use gusset_config::{Finding, KeyPath, Locator};
 use gusset_link::server::{ServeError, Server};
-use gusset_session::{Signal, Signals, missing};
+use gusset_session::{Signal, Signals, missing, pause};
+use gusset_setup::Held;
 
 /// An error in the option `flag`, or else in the key `key` below `[serve]`, shown at its place in the file.
 pub(super) fn misasked(
@@ -41,8 +43,15 @@ pub(super) fn unbound(args: &ServeArgs, locator: &Locator, error: &ServeError) -
     misasked(locator, flag, &["listen"], error)
 }
 
-/// Runs the server until a signal ends it.
-pub(super) fn run_until_signal(server: Server, quiet: bool) -> anyhow::Result<Exit> {
+/// Time between two looks for the signal that releases a specimen.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Runs the server until a signal ends it. Where the gateway itself holds a specimen, a further signal says that it is unloaded.
+pub(super) fn run_until_signal(
+    server: Server,
+    quiet: bool,
+    held: Option<&dyn Held>,
+) -> anyhow::Result<Exit> {
     let address = server.local_addr();
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
@@ -65,6 +74,23 @@ pub(super) fn run_until_signal(server: Server, quiet: bool) -> anyhow::Result<Ex
             remark(event);
         }
     });
+    if let Some(held) = held {
+        if held.is_held() {
+            tell(
+                "no client is served any more, and the bus still holds the specimen: unload it, then press Ctrl-C again (or send \
+                 SIGTERM): torque and outputs end",
+            );
+            let before = requests.len();
+            while requests.len() <= before {
+                pause(LOOK);
+            }
+        }
+        if !held.release() {
+            tell(
+                "warning: the devices of the bus did not leave normal operation when they were asked to",
+            );
+        }
+    }
     Ok(match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         Some(Signal::Interrupt) | None => Exit::Interrupted,

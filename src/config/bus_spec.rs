@@ -9,7 +9,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::bus_table::BusTable;
+use super::bus_table::{BusTable, Flow};
 use super::link_table::{
     Carrier, CommandPace, LinkCoupling, LinkSpec, ProbeChoice, Protocol, StaleChoice, five, half,
     sixty,
@@ -211,6 +211,26 @@ impl BusSpec {
         self.axis.iter().any(is_blind)
     }
 
+    /// The interface with the devices, counted from 1, and entries that move the axes: it tells specimens apart, whatever their names.
+    fn movers(&self, bus: &BusTable) -> String {
+        let each = self
+            .axis
+            .iter()
+            .filter_map(|axis| match (&axis.command, &axis.drive) {
+                (Some(command), _) => {
+                    let (device, entry) = bus.place(Flow::Outputs, &command.at)?;
+                    Some(format!(" {}.{}", device + 1, entry + 1))
+                }
+                (None, Some(drive)) => {
+                    let mut devices = bus.device.iter();
+                    let device = devices.position(|one| one.name == drive.device)?;
+                    Some(format!(" {}", device + 1))
+                }
+                (None, None) => None,
+            });
+        std::iter::once(bus.interface.clone()).chain(each).collect()
+    }
+
     /// The link as which the controller sees this specimen. `bus`: its bus, unless the name is wrong.
     pub(crate) fn link(&self, bus: Option<&BusTable>) -> LinkSpec {
         LinkSpec {
@@ -232,6 +252,7 @@ impl BusSpec {
             probe_m: self.probe_m,
             probe_ramp_s: self.probe_ramp_s,
             computed: false,
+            movers: bus.map(|bus| self.movers(bus)),
             stands_at_m: self.stands_at_m.clone(),
             probe: self.probe,
             openfresco: None,

@@ -92,6 +92,9 @@ pub struct LinkSpec {
     /// adapters of OpenSees, unless `computed` is true. More: guide, opensees.
     #[schemars(example = [0.0])]
     pub stands_at_m: Option<Vec<f64>>,
+    /// What moves the axes of a specimen on a bus.
+    #[serde(skip)]
+    pub movers: Option<String>,
     /// "none" omits the wiring check without a warning. Default: a warning if neither `probe_m` nor
     /// a static load shows the sign of an axis.
     #[schemars(example = &"none")]

@@ -185,6 +185,11 @@ impl Drive {
         )
     }
 
+    /// True if it is to follow its target.
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.wanted == Wanted::Operation
+    }
+
     /// True if it had torque, and does not follow its target any more.
     pub(crate) fn is_lost(&self) -> bool {
         self.had_torque && self.state != DriveState::OperationEnabled

@@ -587,6 +587,43 @@ impl Bus {
         all.all(|drive| drive.state() == DriveState::OperationEnabled)
     }
 
+    /// The first drive that is to have no torque, or a quick stop.
+    pub(crate) fn unwanted(&self) -> Option<&str> {
+        let drive = self.drives.iter().find(|drive| !drive.is_wanted())?;
+        Some(self.name(drive.device))
+    }
+
+    /// Takes the torque from these drives, or from all of them, and waits until they have none.
+    pub(crate) fn take_torque(&mut self, of: Option<&[usize]>) {
+        let of = of.map_or_else(|| (0..self.drives.len()).collect(), <[usize]>::to_vec);
+        if of.is_empty() {
+            return;
+        }
+        for index in &of {
+            if let Some(drive) = self.drives.get_mut(*index) {
+                drive.disable();
+            }
+        }
+        let off = |bus: &mut Self| {
+            Ok(bus.is_past_watchdog() || of.iter().all(|index| !bus.have_torque(&[*index])))
+        };
+        let _ = self.exchange_until(off, &mut || true);
+    }
+
+    /// True if no exchange was complete for longer than the watchdog of the devices: they have dropped their outputs.
+    pub(crate) fn is_past_watchdog(&self) -> bool {
+        let lost_ns = u64::from(self.tally.stale).saturating_mul(self.plan.period_ns);
+        self.tally.outcome != Outcome::Valid && lost_ns > self.plan.watchdog_ns
+    }
+
+    /// Leaves normal operation, if the devices still take part; true if they did.
+    pub(crate) fn leave(&mut self) -> bool {
+        if self.is_past_watchdog() || self.state() != AlState::Op {
+            return self.exchange();
+        }
+        self.go_to(AlState::SafeOp, &mut || true).is_ok()
+    }
+
     /// Name of a device, from 0.
     pub(crate) fn name(&self, device: usize) -> &str {
         self.members.get(device).map_or("", |member| &member.name)

@@ -171,6 +171,11 @@ pub enum BusError {
     /// An axis that was brought to rest got a command.
     #[error("no command came in time: the axis was brought to rest and takes no more commands")]
     Rested,
+    /// A drive holds its axis, but takes no commands since the last test.
+    #[error(
+        "drive `{0}` takes no commands since the last test: unload its axis, end the program, then start again"
+    )]
+    Spent(String),
     /// The operator ended the test meanwhile.
     #[error("it is not wanted any more")]
     Unwanted,

@@ -347,7 +347,7 @@ impl BusPort {
             let deadline = if self.shared.is_on_simulated_time() {
                 held.bus.tick_ends()
             } else {
-                held.bus.on_machine(deadline)
+                held.bus.on_machine(deadline).min(held.bus.tick_ends())
             };
             let mut is_valid = held.bus.receive(deadline);
             if let (true, Some(after)) = (is_valid, held.bus.plan().sample_after_ns) {
@@ -431,7 +431,14 @@ impl Substructure for BusPort {
         let Some(mut held) = shared.take() else {
             return Err(unavailable(&BusError::NoDevice));
         };
-        let introduction = self.introduce(&mut held.bus);
+        let trouble = match held.bus.unwanted() {
+            Some(name) if shared.is_live() => Some(BusError::Spent(name.to_owned())),
+            _ => held.bus.complaint(),
+        };
+        let introduction = match trouble {
+            Some(error) => Err(error),
+            None => self.introduce(&mut held.bus),
+        };
         shared.put_back(held);
         introduction.map_err(|error| unavailable(&error))
     }
@@ -440,9 +447,10 @@ impl Substructure for BusPort {
         let Some(mut held) = self.shared.take() else {
             return Err(LinkFault::Closed);
         };
+        let holds_its_outputs = self.shared.is_lent() && self.shared.is_live();
         let movers = self.places.iter().flat_map(|places| &places.movers);
         for (mover, disp) in movers.zip(disp) {
-            if let Mover::Output(signal) = mover {
+            if let (Mover::Output(signal), false) = (mover, holds_its_outputs) {
                 signal.write(*disp, held.bus.image());
             }
         }
@@ -538,7 +546,13 @@ impl Substructure for BusPort {
         let Some(mut held) = self.shared.take() else {
             return Err(LinkFault::Closed);
         };
-        let is_valid = self.receive(&mut held, deadline);
+        let mut is_valid = self.receive(&mut held, deadline);
+        while !is_valid && self.shared.is_lent() && Self::loss(&held.bus).is_none() {
+            // A gateway has one answer for each command: it asks again.
+            let edge = held.bus.next_edge();
+            held.bus.wait_until(edge);
+            is_valid = held.bus.exchange();
+        }
         let loss = Self::loss(&held.bus);
         self.stats = held.bus.stats();
         if is_valid {
@@ -612,28 +626,23 @@ impl Substructure for BusPort {
         self.has_left
     }
 
-    fn retire(&mut self, _: Retirement) {
+    fn retire(&mut self, how: Retirement) {
         self.has_left = self.shared.is_live().then_some(false);
         let Some(mut held) = self.shared.take() else {
             return;
         };
-        let drives = self
-            .places
-            .as_ref()
-            .map_or(&[][..], |places| &places.drives);
-        for index in drives {
-            if let Some((drive, _)) = held.bus.drive(*index) {
-                drive.disable();
-            }
+        if self.shared.is_lent() && !held.bus.is_past_watchdog() {
+            self.has_left = None;
+            self.shared.put_back(held);
+            self.settle(how);
+            return;
         }
-        if !drives.is_empty() {
-            let off = |bus: &mut Bus| Ok(drives.iter().all(|index| !bus.have_torque(&[*index])));
-            let _ = held.bus.exchange_until(off, &mut || true);
-        }
+        let drives = self.places.as_ref().map(|places| places.drives.as_slice());
+        held.bus.take_torque(Some(drives.unwrap_or_default()));
         held.retired += 1;
         let is_last = held.retired == self.shared.specimens();
-        let has_left = if is_last && held.bus.state() == AlState::Op {
-            held.bus.go_to(AlState::SafeOp, &mut || true).is_ok()
+        let has_left = if is_last {
+            held.bus.leave()
         } else {
             held.bus.exchange()
         };

@@ -85,6 +85,8 @@ pub struct SharedBus {
     is_over: AtomicBool,
     /// Some device may be in OP: outputs or torque hold the specimens.
     is_live: AtomicBool,
+    /// The devices stay in operation from one test to the next.
+    is_lent: AtomicBool,
     /// When the last exchange began, and when the next one of the keeper is due.
     used_ns: AtomicU64,
     edge_ns: AtomicU64,
@@ -123,6 +125,7 @@ impl SharedBus {
             is_idle: AtomicBool::new(true),
             is_over: AtomicBool::new(false),
             is_live: AtomicBool::new(false),
+            is_lent: AtomicBool::new(false),
             used_ns: AtomicU64::new(0),
             edge_ns: AtomicU64::new(0),
         })
@@ -150,7 +153,7 @@ impl SharedBus {
             return Err(BusError::NoDevice);
         };
         let Some(open) = opener.take() else {
-            return if self.is_over.load(Ordering::Acquire) {
+            return if self.is_over() {
                 Err(BusError::NoDevice)
             } else {
                 Ok(())
@@ -231,6 +234,45 @@ impl SharedBus {
 
     pub(crate) fn set_live(&self) {
         self.is_live.store(true, Ordering::Release);
+    }
+
+    /// From here on the devices stay in operation when a test is over: [`SharedBus::release`] ends it.
+    pub fn lend(&self) {
+        self.is_lent.store(true, Ordering::Release);
+    }
+
+    /// True if the devices stay in operation when a test is over. Real-time: yes.
+    pub(crate) fn is_lent(&self) -> bool {
+        self.is_lent.load(Ordering::Acquire)
+    }
+
+    /// True if the bus was closed: nothing comes from it any more.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Acquire)
+    }
+
+    /// True if outputs or torque of real devices hold a specimen.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        let Some(held) = self.take() else {
+            return false;
+        };
+        let is_real = !held.bus.is_simulated();
+        self.put_back(held);
+        self.is_live() && is_real
+    }
+
+    /// Ends torque and outputs, and closes the bus; false if some device did not follow. The operator has said that the specimens
+    /// are unloaded.
+    pub fn release(&self) -> bool {
+        let Some(mut held) = self.take() else {
+            return true;
+        };
+        held.bus.take_torque(None);
+        let has_left = held.bus.leave() || !self.is_live();
+        self.close(held);
+        has_left
     }
 
     /// The bus is closed, and the keeper ends.

@@ -141,11 +141,15 @@ impl Kept {
 pub struct SpecimenKey(String);
 
 impl SpecimenKey {
-    /// The specimen behind a link: protocol family and resolved address. All addresses of this machine are one.
+    /// The specimen behind a link: protocol family and resolved address. All addresses of this machine are one. On a bus the address
+    /// is the interface with the devices that move the axes.
     ///
     /// # Errors
     /// The address cannot be resolved: another name of it may have a record.
     pub fn of_link(family: &str, address: &str) -> Result<Self, LastingError> {
+        if family == ON_BUS {
+            return Ok(Self(format!("{family} {address}")));
+        }
         let unresolved = |source| LastingError::Unresolved {
             address: address.to_owned(),
             source,
@@ -181,6 +185,8 @@ impl SpecimenKey {
     }
 }
 
+/// Family of the specimens on a bus.
+pub const ON_BUS: &str = "ethercat";
 /// One name for all addresses of this machine.
 const LOCAL: &str = "localhost";
 

@@ -4,12 +4,13 @@
 
 use std::sync::{Arc, Mutex};
 
+use super::served::Held;
 use super::site::Draft;
 use super::{Refused, Site, path};
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::{
     Acceptance, BusAxis, BusClock, BusCondition, BusSpec, BusTable, ClockChoice, ConfigError,
-    DeviceTable, Finding, Flow, KeyPath, LinkSpec, Loaded, SpecimenTable,
+    DeviceTable, Finding, Flow, KeyPath, LinkSpec, Loaded, ServedFile, SpecimenTable, TimingSpec,
 };
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{OnStale, WaitRules};
@@ -20,6 +21,7 @@ use gusset_ethercat::plan::{
 };
 use gusset_ethercat::simulated::{Plant, SimulatedBus, SimulatedLine, SimulationError};
 use gusset_ethercat::{BusError, BusPort, FollowingClock, Keeper, Opener, SharedBus};
+use gusset_link::served::{Controller, LinkBuild};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::time::SimClock;
 use gusset_record::rt::clock::MonotonicClock;
@@ -95,7 +97,7 @@ fn specimen_plan(bus: &BusTable, spec: &BusSpec, units: &[(f64, f64)]) -> Option
     })
 }
 
-fn device_plan(loaded: &Loaded, device: &DeviceTable) -> DevicePlan {
+fn device_plan(specimens: &[SpecimenTable], device: &DeviceTable) -> DevicePlan {
     DevicePlan {
         name: device.name.clone(),
         vendor: device.product.vendor,
@@ -105,13 +107,13 @@ fn device_plan(loaded: &Loaded, device: &DeviceTable) -> DevicePlan {
         inputs: device.inputs.clone(),
         assign: device.assign,
         setup: device.setup.clone(),
-        drive: drive_plan(loaded, device),
+        drive: drive_plan(specimens, device),
     }
 }
 
 /// The plan of a drive, from the axis that it moves.
-fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
-    for table in &loaded.file.specimen {
+fn drive_plan(specimens: &[SpecimenTable], device: &DeviceTable) -> Option<DrivePlan> {
+    for table in specimens {
         let axes = table.bus.iter().flat_map(|bus| &bus.axis);
         for (index, axis) in axes.enumerate() {
             let Some(drive) = axis.drive.as_ref().filter(|one| one.device == device.name) else {
@@ -136,11 +138,13 @@ fn drive_plan(loaded: &Loaded, device: &DeviceTable) -> Option<DrivePlan> {
     None
 }
 
-/// The bus of this name as its file says it, with the samples of the specimens on it.
-fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
-    let period_s = loaded.time.period.value();
+/// The bus of this name as its file says it, with the samples of the specimens on it. `period_s`: time from tick to tick in s.
+fn bus_plan(
+    (specimens, period_s): (&[SpecimenTable], f64),
+    (name, bus): (&str, &BusTable),
+) -> BusPlan {
     let specs = || {
-        let all = loaded.file.specimen.iter();
+        let all = specimens.iter();
         all.filter_map(|table| table.bus.as_ref().filter(|spec| spec.bus == name))
     };
     // All specimens of a bus sample at one time: that was checked.
@@ -153,7 +157,7 @@ fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
         devices: bus
             .device
             .iter()
-            .map(|one| device_plan(loaded, one))
+            .map(|one| device_plan(specimens, one))
             .collect(),
         period_ns: (period_s * 1e9).round() as u64,
         time: match bus.clock {
@@ -167,6 +171,11 @@ fn bus_plan(loaded: &Loaded, name: &str, bus: &BusTable) -> BusPlan {
     }
 }
 
+/// The specimens of a test, and its tick in s.
+fn of_test(loaded: &Loaded) -> (&[SpecimenTable], f64) {
+    (&loaded.file.specimen, loaded.time.period.value())
+}
+
 /// True if an output of this device commands an axis of this specimen.
 fn carries_command(bus: &BusTable, spec: &BusSpec, device: &DeviceTable) -> bool {
     let mut commands = spec.axis.iter().filter_map(|axis| axis.command.as_ref());
@@ -175,6 +184,122 @@ fn carries_command(bus: &BusTable, spec: &BusSpec, device: &DeviceTable) -> bool
         let found = place.and_then(|(number, _)| bus.device.get(number));
         found.is_some_and(|found| found.name == device.name)
     })
+}
+
+/// A device that commands an axis, and may drop its outputs at the expiry of its watchdog.
+fn drops_outputs(name: &str, bus: &BusTable, spec: &BusSpec) -> Option<Finding> {
+    let mut devices = bus.device.iter();
+    let device = devices.find(|one| {
+        carries_command(bus, spec, one)
+            && one.setup.is_empty()
+            && one.accept != Some(Acceptance::ZeroVolts)
+    })?;
+    let text = format!(
+        "device \"{}\" commands an axis, and nothing says that its outputs keep their last value when its watchdog expires",
+        device.name
+    );
+    let finding = Finding::error(path("bus").key(name).key("device"), text);
+    Some(finding.help(
+        "write the object that keeps the value (`setup`, see its manual); or set `accept = \"zero volts on watchdog\"` and \
+         `accept_reason`",
+    ))
+}
+
+/// The bus of a gateway. It stays in operation from one client's test to the next.
+#[derive(Debug)]
+struct LentBus {
+    plan: BusPlan,
+    interface: String,
+    timing: TimingSpec,
+    shared: Mutex<Option<Arc<SharedBus>>>,
+}
+
+impl LentBus {
+    /// The bus, which is not connected yet if it is new.
+    fn shared(&self) -> Option<Arc<SharedBus>> {
+        let mut place = self.shared.lock().ok()?;
+        let known = place.take().filter(|shared| !shared.is_over());
+        let shared = known.unwrap_or_else(|| {
+            let interface = self.interface.clone();
+            let open = move || super::bus_line::open(&interface);
+            let keeper = keeper(&self.timing, self.plan.period_ns);
+            let shared = SharedBus::new(
+                self.plan.clone(),
+                (bus_source(), 1),
+                Box::new(open),
+                Some(keeper),
+            );
+            shared.lend();
+            shared
+        });
+        *place = Some(Arc::clone(&shared));
+        Some(shared)
+    }
+
+    fn opened(&self) -> Option<Arc<SharedBus>> {
+        self.shared.lock().ok()?.clone()
+    }
+}
+
+impl Held for LentBus {
+    fn is_held(&self) -> bool {
+        self.opened().is_some_and(|shared| shared.is_held())
+    }
+
+    fn release(&self) -> bool {
+        self.opened().is_none_or(|shared| shared.release())
+    }
+}
+
+/// Links of a gateway to a specimen on a bus, and what holds it.
+pub(super) fn gateway(
+    source: &ServedFile,
+    (table, link): (&SpecimenTable, &LinkSpec),
+) -> Result<(LinkBuild, Arc<dyn Held>), Box<Finding>> {
+    let at = &source.place;
+    let (Some(spec), Some(bus)) = (&table.bus, source.file.bus.get(&link.address)) else {
+        let text = format!("there is no `[bus.{}]`", link.address);
+        return Err(Box::new(Finding::error(at.key("bus").key("bus"), text)));
+    };
+    let Some(pace) = &source.file.serve.pace else {
+        let text = "a specimen on a bus gets a command in every tick, and this file does not say how its client's targets are paced";
+        let finding = Finding::error(at.key("bus"), text);
+        return Err(Box::new(finding.help(
+            "copy [[specimen]] and [bus] into a file for `gusset serve` with [serve.pace]",
+        )));
+    };
+    if bus.clock == BusClock::Follow {
+        let text = "a gateway leads the clock of its bus";
+        let finding = Finding::error(path("bus").key(&link.address).key("clock"), text);
+        return Err(Box::new(finding.help("set `clock = \"free\"`")));
+    }
+    if let Some(finding) = drops_outputs(&link.address, bus, spec) {
+        return Err(Box::new(finding));
+    }
+    let units = table.units_of(table.axes());
+    let units: Vec<_> = units.iter().map(|one| (one.metres, one.newtons)).collect();
+    let Some(plan) = specimen_plan(bus, spec, &units) else {
+        let text = "an entry of this specimen is not on its bus";
+        return Err(Box::new(Finding::error(at.key("bus").key("axis"), text)));
+    };
+    let specimens = std::slice::from_ref(table);
+    let lent = Arc::new(LentBus {
+        plan: bus_plan(
+            (specimens, pace.rate_hz.recip()),
+            (link.address.as_str(), bus),
+        ),
+        interface: bus.interface.clone(),
+        timing: source.file.timing.clone().unwrap_or_default(),
+        shared: Mutex::new(None),
+    });
+    let held: Arc<dyn Held> = Arc::clone(&lent) as Arc<dyn Held>;
+    let build: LinkBuild = Arc::new(move |_: &Controller| {
+        let shared = lent
+            .shared()
+            .ok_or("internal error: a panic with the bus")?;
+        Ok(Box::new(BusPort::new(shared, plan.clone())))
+    });
+    Ok((build, held))
 }
 
 /// A specimen on its bus, and how it is waited for. `plant` is what a simulated bus moves.
@@ -206,22 +331,8 @@ pub(super) fn on_bus(
             "give all of them equal `sample` and `sample_after`: one frame reads the inputs of all devices",
         ));
     }
-    for device in bus
-        .device
-        .iter()
-        .filter(|one| carries_command(bus, spec, one))
-    {
-        if device.setup.is_empty() && device.accept != Some(Acceptance::ZeroVolts) {
-            let text = format!(
-                "device \"{}\" commands an axis, and nothing says that its outputs keep their last value when its watchdog expires",
-                device.name
-            );
-            let finding = Finding::error(path("bus").key(&link.address).key("device"), text);
-            return site.refuse(finding.help(
-                "write the object that keeps the value (`setup`, see its manual); or set `accept = \"zero volts on watchdog\"` and \
-                 `accept_reason`",
-            ));
-        }
+    if let Some(finding) = drops_outputs(&link.address, bus, spec) {
+        return site.refuse(finding);
     }
     let wait = WaitRules {
         reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
@@ -260,7 +371,7 @@ pub(super) const fn is_simulated(loaded: &Loaded) -> bool {
 
 fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     let (loaded, faults) = (site.loaded, site.bus_faults.clone());
-    let plan = bus_plan(loaded, name, bus);
+    let plan = bus_plan(of_test(loaded), (name, bus));
     let tables = loaded.file.specimen.iter();
     let specimens = tables.filter(|table| table.bus.is_some()).count();
     let plants: Arc<Mutex<Vec<Plant>>> = Arc::default();
@@ -279,7 +390,10 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
     } else {
         let interface = bus.interface.clone();
         let open = move || super::bus_line::open(&interface);
-        (Box::new(open), Some(keeper(loaded)))
+        (
+            Box::new(open),
+            Some(keeper(&loaded.file.timing, plan.period_ns)),
+        )
     };
     Draft {
         shared: SharedBus::new(plan, (own, specimens), opener, keeper),
@@ -288,9 +402,8 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
 }
 
 /// The keeper is as urgent as the loop but for one step, on the first processor: it alone feeds drives while the operator is awaited.
-fn keeper(loaded: &Loaded) -> Keeper {
-    let period_ns = (loaded.time.period.value() * 1e9) as u64;
-    let plan = super::rt_plan(&loaded.file.timing, period_ns);
+fn keeper(timing: &TimingSpec, period_ns: u64) -> Keeper {
+    let plan = super::rt_plan(timing, period_ns);
     let prepare = move || {
         let cpus = os::process_cpus();
         let urgency = plan
@@ -328,7 +441,10 @@ pub(super) fn followed(site: &Site<'_>) -> Option<gusset_control::engine::Follow
 /// The file has no bus.
 pub fn bus_of(loaded: &Loaded) -> Result<(BusPlan, String), ConfigError> {
     match loaded.file.bus.iter().next() {
-        Some((name, bus)) => Ok((bus_plan(loaded, name, bus), bus.interface.clone())),
+        Some((name, bus)) => Ok((
+            bus_plan(of_test(loaded), (name, bus)),
+            bus.interface.clone(),
+        )),
         None => {
             let text = "this file has no `[bus.NAME]`";
             Err(loaded.refuse(vec![Finding::error(path("bus"), text)]))

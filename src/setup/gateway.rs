@@ -16,6 +16,7 @@ use following::Following;
 use super::links::{
     native_setup, openfresco_client, seconds, shared_key, tls_client, wire_axes, wiring_check,
 };
+use super::served::Held;
 use super::specimens::loading::at_actuators;
 use gusset_config::{
     Correction, Finding, KeyPath, LinkSpec, PaceTable, Protocol, ServedFile, SpecimenTable,
@@ -43,8 +44,9 @@ pub(super) fn host(
     table: &SpecimenTable,
     link: &LinkSpec,
     path: &Path,
-) -> Result<Host, Box<Finding>> {
+) -> Result<(Host, Option<Arc<dyn Held>>), Box<Finding>> {
     let at = &source.place;
+    let mut held = None;
     if source.is_test {
         check_test_file(table, at)?;
     }
@@ -63,12 +65,16 @@ pub(super) fn host(
             let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
             native(table, link, at, path, (step_s, paced, converts))?
         }
+        #[cfg(feature = "ethercat")]
         Protocol::Ethercat => {
-            let text = "a specimen on a bus cannot be served: its bus belongs to one test";
-            let finding = Finding::error(at.key("bus"), text);
-            return Err(Box::new(finding.help(
-                "run the test with `gusset run`; import a model of OpenSees with `gusset import`",
-            )));
+            let (build, holds) = super::bus::gateway(source, (table, link))?;
+            held = Some(holds);
+            build
+        }
+        #[cfg(not(feature = "ethercat"))]
+        Protocol::Ethercat => {
+            let text = "this program was built without EtherCAT (feature `ethercat`)";
+            return Err(Box::new(Finding::error(at.key("bus"), text)));
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             openfresco(link, at, path, table.axes())?
@@ -76,16 +82,22 @@ pub(super) fn host(
     };
     let safety = source.file.safety.as_ref();
     let accepted = safety.and_then(|safety| safety.accept_wiring.clone());
+    // On a bus a specimen gets a command in every tick.
+    let every = match (&held, &source.file.serve.pace) {
+        (Some(_), Some(pace)) => pace.rate_hz.recip(),
+        _ => PROBE_PERIOD_S,
+    };
     let (host, check) = if converts {
         let client = Client {
             units: source.client_units(),
             following,
             is_paced: source.file.serve.pace.is_some(),
             accepted,
+            probed_every: every,
         };
         conversion::host(table, link, at, client, build)?
     } else {
-        passing(table, link, at, accepted, build)?
+        passing((table, link, at), (accepted, every), build)?
     };
     let host = match &link.stands_at_m {
         Some(stands) => {
@@ -107,7 +119,7 @@ pub(super) fn host(
         clock: PaceClock::MACHINE,
         predict,
     });
-    Ok(host.checked(check, link.computed).paced(pacing))
+    Ok((host.checked(check, link.computed).paced(pacing), held))
 }
 
 /// How the specimen keeps moving between the targets of its client, if this pace predicts.
@@ -211,10 +223,8 @@ pub fn position_reader(
 
 /// A gateway that passes numbers unchanged, and how it checks the wiring.
 fn passing(
-    table: &SpecimenTable,
-    link: &LinkSpec,
-    at: &KeyPath,
-    accepted: Option<String>,
+    (table, link, at): (&SpecimenTable, &LinkSpec, &KeyPath),
+    (accepted, probed_every): (Option<String>, f64),
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
     let n = table.axes();
@@ -236,7 +246,7 @@ fn passing(
     let by_rows = (0..n).flat_map(|i| (0..n).map(move |j| j * n + i));
     let by_rows = by_rows.map(|place| stiffness[place]).collect();
     let estimate = (by_rows, accepted);
-    let check = wiring_check(link, gears, estimate, PROBE_PERIOD_S, units.clone());
+    let check = wiring_check(link, gears, estimate, probed_every, units.clone());
     let wire = wire_axes(table, n, None);
     let host = Host::gateway(
         table.name.clone(),

@@ -65,7 +65,7 @@ pub use ideal::{Ideal, IdealCourse, NoCourse, build_ideal};
 use method::Initial;
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
-pub use served::{Served, load_served, load_served_record, openfresco_role};
+pub use served::{Held, Served, load_served, load_served_record, openfresco_role};
 pub use served_limits::{ServedLimit, served_limits};
 use settle::settle;
 use site::{Refused, Site, path};

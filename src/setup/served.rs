@@ -1,6 +1,7 @@
 //! From a file of `gusset serve` to the specimen that a server offers. Keys are read; nothing is connected and nothing moves.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::gateway;
 use super::links::{beside, wire_axes};
@@ -18,6 +19,15 @@ use gusset_proof::{Accepts, Kind, Verdict};
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
+/// What holds the specimen of a gateway when the tests of its clients are over.
+pub trait Held: std::fmt::Debug + Send + Sync {
+    /// True if a specimen is held now.
+    fn is_held(&self) -> bool;
+
+    /// Ends it: the operator has said that the specimen is unloaded. False if some device did not follow.
+    fn release(&self) -> bool;
+}
+
 /// A specimen that is ready to be served.
 #[derive(Debug)]
 pub struct Served {
@@ -29,6 +39,8 @@ pub struct Served {
     pub key: Option<PreSharedKey>,
     /// The `rows` of a served file.
     pub transformation: Option<Transformation>,
+    /// What holds the specimen from one client's test to the next, if the gateway itself does.
+    pub held: Option<Arc<dyn Held>>,
 }
 
 impl Served {
@@ -104,9 +116,9 @@ fn served(mut source: ServedFile, path: &Path) -> Result<Served, ConfigError> {
             refuse(Finding::error(at, error.to_string()))
         })?),
     };
-    let host = match &table.link {
+    let (host, held) = match &table.link {
         Some(link) => gateway::host(&source, table, link, path).map_err(|f| refuse(*f))?,
-        None => host(table, at).map_err(|f| refuse(*f))?,
+        None => (host(table, at).map_err(|f| refuse(*f))?, None),
     };
     let transformation = source.rows().cloned().map(Transformation::new).transpose();
     let transformation = transformation
@@ -130,6 +142,7 @@ fn served(mut source: ServedFile, path: &Path) -> Result<Served, ConfigError> {
         source,
         key,
         transformation,
+        held,
     })
 }
 
