@@ -581,6 +581,12 @@ impl Bus {
         )
     }
 
+    /// True if no exchange was complete for longer than the watchdog of the devices: one that gets no outputs has dropped them.
+    pub(crate) fn is_past_watchdog(&self) -> bool {
+        let lost_ns = u64::from(self.tally.stale).saturating_mul(self.plan.period_ns);
+        self.tally.outcome != Outcome::Valid && lost_ns > self.plan.watchdog_ns
+    }
+
     /// True if all of these drives have torque.
     pub(crate) fn have_torque(&self, drives: &[usize]) -> bool {
         let mut all = drives.iter().filter_map(|index| self.drives.get(*index));

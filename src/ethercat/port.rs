@@ -627,12 +627,16 @@ impl Substructure for BusPort {
             }
         }
         if !drives.is_empty() {
-            let off = |bus: &mut Bus| Ok(drives.iter().all(|index| !bus.have_torque(&[*index])));
+            let off = |bus: &mut Bus| {
+                let are_off = drives.iter().all(|index| !bus.have_torque(&[*index]));
+                Ok(are_off || bus.is_past_watchdog())
+            };
             let _ = held.bus.exchange_until(off, &mut || true);
         }
         held.retired += 1;
         let is_last = held.retired == self.shared.specimens();
-        let has_left = if is_last && held.bus.state() == AlState::Op {
+        let is_there = !held.bus.is_past_watchdog();
+        let has_left = if is_last && is_there && held.bus.state() == AlState::Op {
             held.bus.go_to(AlState::SafeOp, &mut || true).is_ok()
         } else {
             held.bus.exchange()

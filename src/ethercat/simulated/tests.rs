@@ -6,7 +6,7 @@ use gusset_quantity::state::Visit;
 use gusset_quantity::substructure::{
     Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset_quantity::time::{Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use super::*;
 use crate::error::BusError;
@@ -757,4 +757,31 @@ fn torque_neither_ends_nor_returns_by_itself() {
     // A safe stop that is released, and a fault that is reset at the drive.
     let released = changes_to(DriveState::SwitchOnDisabled);
     assert_eq!(released, (DriveState::SwitchOnDisabled, true));
+}
+
+#[test]
+fn a_lost_bus_is_left_at_its_watchdog() {
+    let cut = "[[fault]]\nwhat = { cut = { device = \"coupler\" } }\nat_tick = 40";
+    let (devices, _) = simulated(&plan(), cut);
+    let clock = SimClock::new();
+    let line = SimulatedLine::new(devices, Box::new(clock.clone()));
+    let opener: Opener = Box::new(move || Ok(Box::new(line)));
+    let shared = SharedBus::new(plan(), (SOURCE, 1), opener, None);
+    let mut port = BusPort::new(shared, specimens().remove(1));
+    port.connect().unwrap();
+    assert!(port.arm(0, &[0.0], &mut || true).unwrap());
+    let mut measured = Measurement::zeros(1);
+    let mut lost = (1..60).filter_map(|sequence| {
+        port.issue(&command(sequence, &[0.0])).unwrap();
+        let deadline = clock.now().plus(PERIOD_NS / 2);
+        port.collect(deadline, &mut measured).err()
+    });
+    assert!(lost.next().is_some());
+    port.settle(Retirement::Tripped);
+    let began = clock.now();
+    port.retire(Retirement::Tripped);
+    // The watchdog is 100 ms. Requests without a reply follow.
+    let took_ms = clock.now().since(began) / 1_000_000;
+    assert!((50..=300).contains(&took_ms), "{took_ms} ms");
+    assert_eq!(port.has_acknowledged(), Some(false));
 }
