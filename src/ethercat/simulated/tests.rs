@@ -785,3 +785,42 @@ fn a_lost_bus_is_left_at_its_watchdog() {
     assert!((50..=300).contains(&took_ms), "{took_ms} ms");
     assert_eq!(port.has_acknowledged(), Some(false));
 }
+
+#[test]
+fn a_drive_shows_the_mode_that_was_written() {
+    let mut plan = plan();
+    let drive = &mut plan.devices[3];
+    drive.outputs.push("6060:00 i8".parse().unwrap());
+    drive.inputs.push("6061:00 i8".parse().unwrap());
+    let (shared, line) = simulated(&plan, "");
+    let shown = |mode: u8| {
+        let mut bus = shared.lock().unwrap();
+        let device = &mut bus.devices[3];
+        let place = device.place(2, false).unwrap();
+        place.write(mode.into(), &mut device.memory);
+        device.drive();
+        device.show_drive(0.0);
+        device.place(3, true).unwrap().read(&device.memory)
+    };
+    let mut bus = bring_up(Box::new(line), plan, SOURCE).unwrap();
+    assert_eq!(shown(0), 0.0);
+    bus.go_to(AlState::Op, &mut || true).unwrap();
+    for _ in 0..2 {
+        tick(&mut bus);
+    }
+    let drive = bus.drive_of(3).unwrap();
+    let (drive, image) = bus.drive(drive).unwrap();
+    assert!(!drive.why_no_torque(image).contains("6061"));
+    assert_eq!(shown(7), 7.0);
+    bus.sample(SOON);
+    let (drive, image) = bus.drive(0).unwrap();
+    assert!(drive.why_no_torque(image).contains("6061 is 7"));
+    assert!(
+        shared.lock().unwrap().devices[3]
+            .servo
+            .as_ref()
+            .unwrap()
+            .counts
+            == 0.0
+    );
+}
