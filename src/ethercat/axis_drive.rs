@@ -61,6 +61,13 @@ struct Places {
     mode: Option<[Place; 2]>,
 }
 
+/// A drive that shows another mode than the one that was written.
+pub(crate) fn wrong_mode(found: f64) -> String {
+    format!(
+        "its mode 6061 is {found}, but 8 (cyclic synchronous position) was written to 6060: it gets no torque"
+    )
+}
+
 /// One drive.
 #[derive(Debug)]
 pub(crate) struct Drive {
@@ -128,6 +135,14 @@ impl Drive {
     /// Its state after the last exchange.
     pub(crate) const fn state(&self) -> DriveState {
         self.state
+    }
+
+    /// Why it gets no torque.
+    pub(crate) fn why_no_torque(&self, image: &[u8]) -> String {
+        match self.places.mode {
+            Some([_, display]) if !self.is_in_mode(image) => wrong_mode(display.read(image)),
+            _ => format!("it stays in \"{}\" and gets no torque", self.state.name()),
+        }
     }
 
     /// True while its target moves.

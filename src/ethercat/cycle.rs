@@ -581,6 +581,12 @@ impl Bus {
         )
     }
 
+    /// True if no exchange was complete for longer than the watchdog of the devices: one that gets no outputs has dropped them.
+    pub(crate) fn is_past_watchdog(&self) -> bool {
+        let lost_ns = u64::from(self.tally.stale).saturating_mul(self.plan.period_ns);
+        self.tally.outcome != Outcome::Valid && lost_ns > self.plan.watchdog_ns
+    }
+
     /// True if all of these drives have torque.
     pub(crate) fn have_torque(&self, drives: &[usize]) -> bool {
         let mut all = drives.iter().filter_map(|index| self.drives.get(*index));
@@ -608,12 +614,6 @@ impl Bus {
             Ok(bus.is_past_watchdog() || of.iter().all(|index| !bus.have_torque(&[*index])))
         };
         let _ = self.exchange_until(off, &mut || true);
-    }
-
-    /// True if no exchange was complete for longer than the watchdog of the devices: they have dropped their outputs.
-    pub(crate) fn is_past_watchdog(&self) -> bool {
-        let lost_ns = u64::from(self.tally.stale).saturating_mul(self.plan.period_ns);
-        self.tally.outcome != Outcome::Valid && lost_ns > self.plan.watchdog_ns
     }
 
     /// Leaves normal operation, if the devices still take part; true if they did.

@@ -1,5 +1,6 @@
 //! Settings and checks of a drive before it may have torque (ETG.6010), over its mailbox.
 
+use crate::axis_drive::wrong_mode;
 use crate::error::BusError;
 use crate::plan::DrivePlan;
 use crate::request::{Known, Requests, Station};
@@ -111,10 +112,7 @@ pub(crate) fn check_drive(
     }
     Err(BusError::Drive {
         device: station.name.clone(),
-        why: format!(
-            "its mode 6061 is {}, but 8 (cyclic synchronous position) was written to 6060",
-            found as i8
-        ),
+        why: wrong_mode(f64::from(found as i8)),
     })
 }
 

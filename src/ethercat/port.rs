@@ -188,14 +188,14 @@ impl Places {
         }
         let mut without = drives.iter().copied();
         let first = without.find(|index| !bus.have_torque(&[*index]));
-        let state = first.and_then(|index| Some(bus.drive(index)?.0));
-        Err(match state {
-            Some(drive) => {
-                let (device, state) = (drive.device, drive.state());
-                BusError::Drive {
-                    device: bus.name(device).to_owned(),
-                    why: format!("it stays in \"{}\" and gets no torque", state.name()),
-                }
+        let found = first.and_then(|index| {
+            let (drive, image) = bus.drive(index)?;
+            Some((drive.device, drive.why_no_torque(image)))
+        });
+        Err(match found {
+            Some((device, why)) => {
+                let device = bus.name(device).to_owned();
+                BusError::Drive { device, why }
             }
             None => bus.complaint().unwrap_or(BusError::NoDevice),
         })

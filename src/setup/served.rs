@@ -137,6 +137,10 @@ fn served(mut source: ServedFile, path: &Path) -> Result<Served, ConfigError> {
     for named in keys.chain(&mut file.serve.key_file) {
         *named = beside(path, named).display().to_string();
     }
+    if held.is_some() {
+        // The thread that paces feeds the devices: it must not wait for others.
+        source.file.timing.get_or_insert_default();
+    }
     Ok(Served {
         host,
         source,

@@ -340,6 +340,10 @@ impl Device {
         if wanted < AlState::SafeOp {
             self.written_ns = None;
         }
+        if wanted == AlState::SafeOp && self.object(words::MODE, false).is_some() {
+            // Its outputs give the mode, from OP on.
+            self.dictionary.set(words::MODE_DISPLAY, &[0]);
+        }
         if wanted == AlState::Init {
             self.answers.clear();
             self.set_mailbox(0, false);
@@ -414,9 +418,24 @@ impl Device {
         let read = |place: Option<Place>| place.map_or(0.0, |place| place.read(&self.memory));
         let control = read(self.object(words::CONTROLWORD, false)) as u16;
         let target = read(self.object(words::TARGET_POSITION, false));
+        if let Some(place) = self.object(words::MODE, false) {
+            let mode = [place.read(&self.memory) as i8 as u8];
+            self.dictionary.set(words::MODE, &mode);
+            self.dictionary.set(words::MODE_DISPLAY, &mode);
+        }
+        let mode = self.mode();
         if let Some(servo) = &mut self.servo {
+            // It follows its target in this mode only.
+            let follows = mode == words::CYCLIC_POSITION;
+            let target = if follows { target } else { servo.counts };
             servo.go_on(control, target, keeps_torque);
         }
+    }
+
+    /// The mode that its drive shows.
+    fn mode(&self) -> i8 {
+        let mode = self.dictionary.get(words::MODE_DISPLAY, 0).first();
+        mode.map_or(0, |mode| *mode as i8)
     }
 
     /// Writes the inputs of its drive, whose axis is at `counts`.
@@ -424,7 +443,7 @@ impl Device {
         let Some(servo) = &self.servo else {
             return;
         };
-        let mode = f64::from(words::CYCLIC_POSITION);
+        let mode = f64::from(self.mode());
         for (index, value) in [
             (words::STATUSWORD, f64::from(servo.status())),
             (words::ACTUAL_POSITION, counts),

@@ -6,7 +6,7 @@ use gusset_quantity::state::Visit;
 use gusset_quantity::substructure::{
     Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset_quantity::time::{Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use super::*;
 use crate::error::BusError;
@@ -757,4 +757,70 @@ fn torque_neither_ends_nor_returns_by_itself() {
     // A safe stop that is released, and a fault that is reset at the drive.
     let released = changes_to(DriveState::SwitchOnDisabled);
     assert_eq!(released, (DriveState::SwitchOnDisabled, true));
+}
+
+#[test]
+fn a_lost_bus_is_left_at_its_watchdog() {
+    let cut = "[[fault]]\nwhat = { cut = { device = \"coupler\" } }\nat_tick = 40";
+    let (devices, _) = simulated(&plan(), cut);
+    let clock = SimClock::new();
+    let line = SimulatedLine::new(devices, Box::new(clock.clone()));
+    let opener: Opener = Box::new(move || Ok(Box::new(line)));
+    let shared = SharedBus::new(plan(), (SOURCE, 1), opener, None);
+    let mut port = BusPort::new(shared, specimens().remove(1));
+    port.connect().unwrap();
+    assert!(port.arm(0, &[0.0], &mut || true).unwrap());
+    let mut measured = Measurement::zeros(1);
+    let mut lost = (1..60).filter_map(|sequence| {
+        port.issue(&command(sequence, &[0.0])).unwrap();
+        let deadline = clock.now().plus(PERIOD_NS / 2);
+        port.collect(deadline, &mut measured).err()
+    });
+    assert!(lost.next().is_some());
+    port.settle(Retirement::Tripped);
+    let began = clock.now();
+    port.retire(Retirement::Tripped);
+    // The watchdog is 100 ms. Requests without a reply follow.
+    let took_ms = clock.now().since(began) / 1_000_000;
+    assert!((50..=300).contains(&took_ms), "{took_ms} ms");
+    assert_eq!(port.has_acknowledged(), Some(false));
+}
+
+#[test]
+fn a_drive_shows_the_mode_that_was_written() {
+    let mut plan = plan();
+    let drive = &mut plan.devices[3];
+    drive.outputs.push("6060:00 i8".parse().unwrap());
+    drive.inputs.push("6061:00 i8".parse().unwrap());
+    let (shared, line) = simulated(&plan, "");
+    let shown = |mode: u8| {
+        let mut bus = shared.lock().unwrap();
+        let device = &mut bus.devices[3];
+        let place = device.place(2, false).unwrap();
+        place.write(mode.into(), &mut device.memory);
+        device.drive();
+        device.show_drive(0.0);
+        device.place(3, true).unwrap().read(&device.memory)
+    };
+    let mut bus = bring_up(Box::new(line), plan, SOURCE).unwrap();
+    assert_eq!(shown(0), 0.0);
+    bus.go_to(AlState::Op, &mut || true).unwrap();
+    for _ in 0..2 {
+        tick(&mut bus);
+    }
+    let drive = bus.drive_of(3).unwrap();
+    let (drive, image) = bus.drive(drive).unwrap();
+    assert!(!drive.why_no_torque(image).contains("6061"));
+    assert_eq!(shown(7), 7.0);
+    bus.sample(SOON);
+    let (drive, image) = bus.drive(0).unwrap();
+    assert!(drive.why_no_torque(image).contains("6061 is 7"));
+    assert!(
+        shared.lock().unwrap().devices[3]
+            .servo
+            .as_ref()
+            .unwrap()
+            .counts
+            == 0.0
+    );
 }
