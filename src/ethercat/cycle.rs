@@ -593,9 +593,10 @@ impl Bus {
         all.all(|drive| drive.state() == DriveState::OperationEnabled)
     }
 
-    /// The first drive that is to have no torque, or a quick stop.
+    /// The first drive that is to have no torque, or a quick stop, or takes no more commands.
     pub(crate) fn unwanted(&self) -> Option<&str> {
-        let drive = self.drives.iter().find(|drive| !drive.is_wanted())?;
+        let mut drives = self.drives.iter();
+        let drive = drives.find(|drive| !drive.is_wanted() || drive.has_rested())?;
         Some(self.name(drive.device))
     }
 

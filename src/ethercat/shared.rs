@@ -21,7 +21,7 @@ use crate::plan::BusPlan;
 /// Longest wait for the bus while the keeper exchanges, and the same in ticks.
 const HAND_OVER_NS: u64 = 200_000_000;
 const HAND_OVER_TICKS: u64 = 3;
-/// Ticks of silence after which the keeper exchanges in place of the loop.
+/// Fewest ticks of silence after which the keeper exchanges in place of the loop: no fewer than the stale ticks that a test bears.
 const SILENT_TICKS: u64 = 4;
 /// Shortest such silence in ns: a loop that was preempted comes back.
 const SILENT_NS: u64 = 5_000_000;
@@ -290,7 +290,8 @@ impl SharedBus {
     fn keep(&self, now: Nanos) -> Nanos {
         let period = self.plan.period_ns;
         // The devices must not wait for so long that their watchdogs expire.
-        let silence = (SILENT_TICKS * period).max(SILENT_NS);
+        let ticks = SILENT_TICKS.max(self.plan.stale_ticks.into());
+        let silence = ticks.saturating_mul(period).max(SILENT_NS);
         let silence = silence.min(self.plan.watchdog_ns / 2);
         let used = Nanos(self.used_ns.load(Ordering::Acquire));
         let is_idle = self.is_idle.load(Ordering::Acquire);
