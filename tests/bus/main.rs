@@ -8,6 +8,7 @@ mod common;
 
 mod faults;
 mod pair;
+mod resume;
 mod same_bits;
 
 use std::path::Path;
