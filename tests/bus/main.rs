@@ -6,6 +6,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod certificate;
 mod faults;
 mod pair;
 mod resume;
