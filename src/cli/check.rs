@@ -118,7 +118,8 @@ impl Checked<'_> {
             Table::wrapped(&title)
         };
         for one in &verdict.findings {
-            table.row(&one.severity, &format!("{} ({})", one.text, one.key));
+            let text = format!("{} ({})", one.text, one.key);
+            table.row(&one.severity, &self.loaded.locator.as_written(&text));
         }
         if self.args.verbose {
             self.in_full(&mut table);

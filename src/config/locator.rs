@@ -53,7 +53,8 @@ impl Locator {
     }
 
     /// A text with the paths that the user wrote.
-    fn as_written(&self, text: &str) -> String {
+    #[must_use]
+    pub fn as_written(&self, text: &str) -> String {
         let mut text = self.on_bus(plain(text));
         for (now, written) in &self.written {
             // A note on the old name has both.

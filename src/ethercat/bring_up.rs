@@ -267,7 +267,12 @@ pub fn bring_up(
     let simulated = known
         .iter()
         .all(|device| device.sii.name.starts_with(SIMULATED));
-    Bus::new(line, plan, source, (members, reference, simulated)).map(Box::new)
+    let mut keeps_state = simulated;
+    for device in &known {
+        keeps_state = keeps_state && requests.read(&device.station, reg::USER_MEMORY)? == [1];
+    }
+    let found = (members, reference, simulated, keeps_state);
+    Bus::new(line, plan, source, found).map(Box::new)
 }
 
 fn identify(position: usize, device: &DevicePlan, sii: &Sii) -> Result<(), BusError> {

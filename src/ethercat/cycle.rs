@@ -56,6 +56,7 @@ pub struct Bus {
     source: [u8; 6],
     members: Vec<Member>,
     is_simulated: bool,
+    keeps_state: bool,
     /// Station with the reference clock.
     reference: Option<u16>,
     follower: Option<Follower>,
@@ -100,7 +101,7 @@ impl Bus {
         line: Box<dyn Line>,
         plan: BusPlan,
         source: [u8; 6],
-        (members, reference, is_simulated): (Vec<Member>, Option<u16>, bool),
+        (members, reference, is_simulated, keeps_state): (Vec<Member>, Option<u16>, bool, bool),
     ) -> Result<Self, BusError> {
         let length = members.last().map_or(0, |one| one.inputs.end);
         if length > MOST_BYTES {
@@ -135,6 +136,7 @@ impl Bus {
             source,
             members,
             is_simulated,
+            keeps_state,
             reference,
             follower: None,
             out: vec![0; LONGEST],
@@ -152,6 +154,11 @@ impl Bus {
     /// True if the devices or the line say that nothing moves.
     pub(crate) fn is_simulated(&self) -> bool {
         self.is_simulated || self.line.is_simulated()
+    }
+
+    /// True if the devices are simulated, and keep the specimens of an earlier test.
+    pub(crate) const fn keeps_state(&self) -> bool {
+        self.keeps_state
     }
 
     /// The state that all devices are to have.

@@ -71,7 +71,7 @@ pub enum BusError {
     /// A device refuses a state, or has left it.
     #[error(
         "device `{device}` is in {} and not in {} (AL status code {code:#06x}): {}",
-        found.map_or("no known state", AlState::name), wanted.name(), cause(*code)
+        found.map_or("no known state", AlState::name), wanted.name(), why_in_state(*found, *wanted, *code)
     )]
     State {
         /// Its name.
@@ -179,6 +179,14 @@ pub enum BusError {
     /// The operator ended the test meanwhile.
     #[error("it is not wanted any more")]
     Unwanted,
+}
+
+/// Why a device is in another state.
+fn why_in_state(found: Option<AlState>, wanted: AlState, code: u16) -> &'static str {
+    if (found, wanted, code) == (Some(AlState::SafeOp), AlState::Op, 0) {
+        return "it gives no error, so it still waits for its first outputs or for its clock";
+    }
+    cause(code)
 }
 
 fn in_words(revision: Option<u32>) -> String {

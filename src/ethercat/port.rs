@@ -296,6 +296,7 @@ impl BusPort {
             force,
             warnings: untried.into_iter().collect(),
             simulated: self.is_simulated,
+            keeps_state: bus.keeps_state(),
             repeats_the_command: repeats,
             ..Introduction::default()
         })

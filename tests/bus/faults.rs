@@ -1,15 +1,19 @@
 //! Every fault of a bus in every phase of a test has one expected ending.
 
-use gusset_control::engine::Control;
+use gusset_control::engine::{Operator, Phase};
 use gusset_quantity::catalog::ending::Cause;
-use gusset_record::RunFolder;
+use gusset_record::{Run, RunFolder};
 use gusset_session::{self as session, Watches};
 use gusset_setup::build_with_bus_faults;
 
 use super::{DRIVE, INTERLOCK, OUTPUT, load, script, text};
 
-/// Runs a test with these faults; how it ended, and how many commands were sent.
-fn ended(axis: &str, faults: &str) -> (Cause, u64) {
+/// Ticks after which an operator holds the test, and those that the hold lasts. One word is heard per tick.
+const HOLD: [usize; 2] = [500, 300];
+
+/// Runs a test with these faults, which an operator may hold; how it ended, how many commands were sent, and the phase and the
+/// command of each row.
+fn ended(axis: &str, faults: &str, is_held: bool) -> (Cause, u64, [Vec<f64>; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let stands = if axis == OUTPUT {
         "stands_at_m = [0.0]"
@@ -22,14 +26,26 @@ fn ended(axis: &str, faults: &str) -> (Cause, u64) {
     );
     let prepared = build_with_bus_faults(&loaded, script(faults)).unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    let control = Control::from(crossbeam_channel::never());
-    let finished = session::run(prepared, run, control, Watches::default(), &mut |_| {}).unwrap();
+    let (says, requests) = crossbeam_channel::unbounded();
+    if is_held {
+        let words = [Operator::Continue, Operator::Hold].into_iter().zip(HOLD);
+        let words = words.flat_map(|(word, ticks)| vec![word; ticks]);
+        for word in words.chain([Operator::Continue]) {
+            says.send(word).unwrap();
+        }
+    }
+    let finished = session::run(prepared, run, requests, Watches::default(), &mut |_| {}).unwrap();
     let sent = finished
         .summary
         .link
         .get("storey")
         .map_or(0, |link| link.sent);
-    (finished.cause, sent)
+    let run = Run::open(&folder.path().join("run"));
+    let rows = run.map_or_else(
+        |_| Vec::new(),
+        |run| run.columns(&["state", "cmd_1_1"]).unwrap(),
+    );
+    (finished.cause, sent, rows.try_into().unwrap_or_default())
 }
 
 #[test]
@@ -38,13 +54,15 @@ fn each_fault_in_each_phase_has_one_ending() {
     let coded = |device: &str| format!("{{ device = \"{device}\", code = 0x1a }}");
     let mut wrong = Vec::new();
     for (axis, device) in [(OUTPUT, "servo"), (DRIVE, "axis 1")] {
-        let (cause, all) = ended(axis, "");
+        let (cause, all, _) = ended(axis, "", false);
         assert_eq!((cause, all > 500), (Cause::Done, true));
+        let (cause, held, _) = ended(axis, "", true);
+        assert_eq!((cause, held > all + 250), (Cause::Done, true));
         let is_drive = axis == DRIVE;
         // Exchanges until a drive has torque come before the first command.
         let after = all + if is_drive { 10 } else { 2 };
         let by_drive = |cause| if is_drive { cause } else { Cause::Done };
-        // What happens, for how long, and how the test ends: at the connection, with the first exchanges, in the test, after it.
+        // What happens, for how long, and how the test ends: at the connection, with the first exchanges, in the test, after it. In a hold it ends as in the test.
         let (done, link) = (Cause::Done, Cause::Link);
         let gone = Cause::NotConnected;
         let (interlock, sensor) = (Cause::Interlock, Cause::Saturated);
@@ -93,16 +111,37 @@ fn each_fault_in_each_phase_has_one_ending() {
             ),
             ("\"foreign\"".to_owned(), 1, [gone, link, link, done]),
         ] {
-            let places = ["at_frame = 20", "at_tick = 0", "at_tick = 300"];
+            let places = ["at_frame = 20", "at_tick = 0", "at_tick = 500"];
             let places = places.map(str::to_owned).into_iter();
-            for (place, wanted) in places.chain([format!("at_tick = {after}")]).zip(wanted) {
+            let places = places.chain([format!("at_tick = {after}")]);
+            for (place, wanted) in places.zip(wanted) {
                 let fault = format!("[[fault]]\nwhat = {what}\nlasts = {lasts}\n{place}");
-                let (cause, _) = ended(axis, &fault);
+                let (cause, ..) = ended(axis, &fault, false);
                 if cause != wanted {
                     wrong.push(format!(
                         "{device} {what} x{lasts} {place}: {cause:?}, not {wanted:?}"
                     ));
                 }
+            }
+            // In a hold, the test ends as it does while it runs, and nothing moves before that.
+            let fault = format!("[[fault]]\nwhat = {what}\nlasts = {lasts}\nat_tick = 700");
+            let (cause, _, [phases, commands]) = ended(axis, &fault, true);
+            let during = |phase: Phase| {
+                let each = phases.iter().zip(&commands);
+                each.skip_while(|(own, _)| **own != Phase::Holding.code())
+                    .filter(move |(own, _)| **own == phase.code())
+            };
+            let places: Vec<&f64> = during(Phase::Holding).map(|(_, place)| place).collect();
+            let stands = !places.is_empty() && places.iter().all(|place| *place == places[0]);
+            let goes_on = during(Phase::Running).next().is_some();
+            if !stands || goes_on != (cause == done) {
+                wrong.push(format!("{device} {what} x{lasts} hold: {stands} {goes_on}"));
+            }
+            if cause != wanted[2] {
+                wrong.push(format!(
+                    "{device} {what} x{lasts} hold: {cause:?}, not {:?}",
+                    wanted[2]
+                ));
             }
         }
     }

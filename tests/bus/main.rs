@@ -6,8 +6,10 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod certificate;
 mod faults;
 mod pair;
+mod resume;
 mod same_bits;
 
 use std::path::Path;

@@ -35,7 +35,7 @@ fn columns(text: &str) -> Vec<Vec<u64>> {
 }
 
 /// This test with its law in this process, behind an actuator with this delay.
-fn in_process(text: &str, delay_s: f64) -> String {
+pub(super) fn in_process(text: &str, delay_s: f64) -> String {
     let (before, rest) = text.split_once("[bus.rig]").unwrap();
     let (_, specimen) = rest.split_once("[[specimen]]").unwrap();
     let (specimen, _) = specimen.split_once("[specimen.bus]").unwrap();

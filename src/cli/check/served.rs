@@ -57,7 +57,8 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         in_words(&verdict)
     ));
     for one in &verdict.findings {
-        table.row(&one.severity, &format!("{} ({})", one.text, one.key));
+        let text = format!("{} ({})", one.text, one.key);
+        table.row(&one.severity, &served.source.locator.as_written(&text));
     }
     for limit in &own {
         table.row(&limit.name, &format!("at the specimen: {}", words(limit)));

@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use crate::plan::BusPlan;
 use crate::wire::datagram::{Datagram, Service, datagrams};
-use crate::wire::register::AlState;
+use crate::wire::register::{AlState, USER_MEMORY};
 use device::{Access, Device};
 use plant::Running;
 
@@ -244,6 +244,7 @@ impl SimulatedBus {
         for device in &mut self.devices {
             dropped |= std::mem::take(&mut device.has_dropped);
             if is_tick {
+                device.put(USER_MEMORY, &[1]);
                 device.drive();
             }
         }

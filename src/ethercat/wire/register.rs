@@ -9,6 +9,8 @@ pub(crate) const FEATURES: u16 = 0x0008;
 pub(crate) const HAS_CLOCK: u16 = 1 << 2;
 pub(crate) const HAS_LONG_CLOCK: u16 = 1 << 3;
 /// Link state of the ports: bits 4 to 7 say whether a link is there, 8 and 9 of port 0 the loop and the communication.
+/// Memory of the user of an ESC: a simulated device says there that its specimens have been commanded.
+pub(crate) const USER_MEMORY: u16 = 0x0f80;
 pub(crate) const DL_STATUS: u16 = 0x0110;
 /// Requested and actual state, and the code of a refusal.
 pub(crate) const AL_CONTROL: u16 = 0x0120;

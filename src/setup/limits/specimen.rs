@@ -180,9 +180,7 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
             "wiring check under the static load; a specimen with wrong wiring is not armed"
                 .to_owned()
         }
-        (None, _) => {
-            "no wiring check: set `probe_m` in [specimen.link], or apply a static load".to_owned()
-        }
+        (None, _) => "no wiring check: set `probe_m`, or apply a static load".to_owned(),
     }
 }
 

@@ -101,14 +101,14 @@ pub(super) fn stand_in(
     let tick = compensation::test_time(time);
     let transfer = match site.trial {
         // Even an actuator without lag answers a tick later where inputs are read with the outputs.
-        Some(_) => {
+        Some(trial) if !trial.ideal => {
             let late = known.table.answers_late().then(|| TransferSpec {
                 delay_s: tick,
                 ..TransferSpec::default()
             });
             known.table.transfer_in_the_loop(pace, tick).or(late)
         }
-        None => known.table.believed_transfer(pace),
+        _ => known.table.believed_transfer(pace),
     };
     if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 && known.is_believed {
         return Ok(Stand::LinearStandIn);
