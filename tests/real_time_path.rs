@@ -74,6 +74,57 @@ const PRESCRIBED: &str = r#"
     signal = { sine = { amplitude = 10, unit = "mm", frequency_hz = 2.0 } }
 "#;
 
+/// A drive and a sensor on simulated devices.
+#[cfg(feature = "ethercat")]
+const ON_BUS: &str = r#"
+    [time]
+    rate_hz = 1000
+    duration_s = 1
+    clock = "simulated"
+    [structure.shear_building]
+    mass_kg = [20e3, 18e3]
+    stiffness_n_per_m = [0, 12e6]
+    [excitation.ground_acceleration.signal.sine]
+    amplitude = 1
+    frequency_hz = 1.5
+    [bus.rig]
+    interface = "none"
+    [[bus.rig.device]]
+    name = "cell"
+    product = { vendor = 2, code = 7 }
+    inputs = ["6000:01 u16 state", "6000:11 f64 force"]
+    [[bus.rig.device]]
+    name = "axis 1"
+    product = { vendor = 2, code = 9 }
+    outputs = ["6040:00 u16", "607a:00 i32"]
+    inputs = ["6041:00 u16", "6064:00 i32"]
+    [[specimen]]
+    name = "storey"
+    storey = 1
+    stiffness_n_per_m = 10e6
+    law.linear.stiffness_n_per_m = 10e6
+    [specimen.limits]
+    command_disp_m = { trip = [-0.05, 0.05] }
+    command_accel_m_per_s2 = { trip = 40 }
+    measured_force_n = { trip = [-5e5, 5e5] }
+    [specimen.bus]
+    bus = "rig"
+    probe = "none"
+    [[specimen.bus.axis]]
+    drive = { device = "axis 1", m_per_count = 1e-7 }
+    force = { at = "cell.force", n_per_count = 1.0 }
+"#;
+
+/// The rig is on a bus of simulated devices.
+#[cfg(feature = "ethercat")]
+fn on_bus() -> Experiment {
+    let mut experiment = prepare(ON_BUS).experiment;
+    for port in &mut experiment.ports {
+        port.connect().unwrap();
+    }
+    experiment
+}
+
 /// Masses that are coupled, and a chain whose links leap far: the factors that the frame does not use.
 fn others() -> [(&'static str, String); 4] {
     // Every mass coupled to every other, every spring to every other: 1/(1 + |i − j|), and more on the diagonal.
@@ -260,6 +311,8 @@ fn spawn_child(mode: &str) -> ExitStatus {
 #[expect(clippy::disallowed_macros, reason = "a skipped test must be reported")]
 fn ticks_make_only_the_clocks_system_calls() {
     let quiet = spawn_child("quiet");
+    #[cfg(feature = "ethercat")]
+    assert_eq!(spawn_child("bus"), quiet);
     if quiet.code() == Some(NOT_PERMITTED) {
         eprintln!(
             "SKIPPED: seccomp is not permitted here; system calls of the loop are NOT checked"
@@ -279,6 +332,10 @@ fn in_the_child() {
     let Ok(mode) = std::env::var(CHILD) else {
         return;
     };
+    #[cfg(feature = "ethercat")]
+    if mode == "bus" {
+        return guarded(on_bus(), Box::new(SimClock::new()));
+    }
     // The static load comes in few exchanges: the extra call is in the test.
     let short = FRAME.with("time.duration_s = 1\nsafety.ramp_s = 0");
     let mut experiment = prepare(&short).experiment;
@@ -301,11 +358,15 @@ fn in_the_child() {
             Act::Serve
         },
     );
+    guarded(experiment, Box::new(MonotonicClock::new(60_000)));
+}
+
+/// Runs this test under the filter, and ends the process.
+fn guarded(experiment: Experiment, clock: Box<dyn Clock>) {
     let (recorder, mut reader) = recorder(&experiment);
     let done = Arc::new(AtomicBool::new(false));
     let flag = done.clone();
     let thread = std::thread::spawn(move || {
-        let clock = Box::new(MonotonicClock::new(60_000));
         let filter = clock_calls_only();
         let before = move || {
             if seccompiler::apply_filter(&filter).is_err() {
