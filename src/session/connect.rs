@@ -130,7 +130,7 @@ pub(super) fn connect(
                 if must_keep_state && introduction.simulated && !introduction.keeps_state {
                     unfit.push(format!(
                         "specimen \"{name}\", {}: it is computed, but does not report that an earlier test left its state: it was \
-                         started again since the interruption, or is made anew for each test. Start its server with `[serve] \
+                         restarted since the interruption, or is made anew for each test. Start its server with `[serve] \
                          remembers = true`, or its bus with `gusset bus simulate`, before the first test, and leave it running until \
                          the test is complete; {ACCEPT}",
                         introduction.peer
