@@ -35,3 +35,4 @@
 
 pub mod cli;
 pub mod guide;
+pub mod program;

@@ -1,0 +1,16 @@
+//! Which program this is: facts that `src/build.rs` finds at build time.
+
+/// Version of the package.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Commit of the sources, followed by `, modified` if they differ from it; `unknown` without a repository.
+pub const COMMIT: &str = env!("GUSSET_COMMIT");
+/// Digest (BLAKE3) of all files below `src`, of `Cargo.toml`, and of the files of `tools` that are part of the program.
+pub const SOURCES: &str = env!("GUSSET_SOURCES");
+/// Digest (BLAKE3) of `Cargo.lock`.
+pub const LOCK: &str = env!("GUSSET_LOCK");
+/// Features with which it was built, separated by commas.
+pub const FEATURES: &str = env!("GUSSET_FEATURES");
+/// The platform for which it was built.
+pub const TARGET: &str = env!("GUSSET_TARGET");
+/// Version of the compiler.
+pub const COMPILER: &str = env!("GUSSET_COMPILER");
