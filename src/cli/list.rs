@@ -1,5 +1,7 @@
 //! `gusset list`: the runs below a folder, newest first.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use super::answer;
@@ -13,6 +15,9 @@ use gusset_record::listing::{Listed, Peak, State, listed};
 
 /// Widest line.
 const COLUMNS: usize = 100;
+
+/// What a list says of `[about]`; `--json` has all of it.
+const LISTED: [&str; 4] = ["specimen", "operator", "laboratory", "project"];
 
 /// Default folder of runs. It need not exist yet.
 const USUAL: &str = "runs";
@@ -35,7 +40,7 @@ pub fn list(args: &ListArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Two lines: folder and title, then date, state, length and peak.
+/// Folder and title, then date, state, length and peak, then who tested what.
 fn in_words(run: &Listed) -> String {
     let folder = run.folder.strip_prefix(".").unwrap_or(&run.folder);
     let folder = printable(&folder.display().to_string());
@@ -71,7 +76,16 @@ fn in_words(run: &Listed) -> String {
         parts.push(printable(why));
     }
     let line = cut(&format!("    {}", parts.join("  ")), COLUMNS);
-    format!("{head}\n{}", line.trim_end())
+    let mut text = format!("{head}\n{}", line.trim_end());
+    let filed = run.filed.iter().filter(|(name, _)| LISTED.contains(name));
+    let filed: Vec<String> = filed
+        .map(|(name, said)| format!("{name} {}", printable(said)))
+        .collect();
+    if !filed.is_empty() {
+        text += "\n";
+        text += &cut(&format!("    {}", filed.join("  ")), COLUMNS);
+    }
+    text
 }
 
 fn as_json(run: &Listed) -> Value {
@@ -101,5 +115,6 @@ fn as_json(run: &Listed) -> Value {
         "peak": peak,
         "unstable": run.unstable,
         "findings": run.findings,
+        "filed": run.filed.iter().cloned().collect::<BTreeMap<_, _>>(),
     })
 }

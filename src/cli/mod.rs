@@ -61,11 +61,13 @@ use clap::{CommandFactory, Parser};
 pub use exit::Exit;
 pub use log::tell_panics;
 
+use crate::program;
 use args::{Cli, Command, LogArg};
 use clap::ValueEnum as _;
 
 use gusset_config::Diagnostics;
 use gusset_quantity::text::printable;
+use gusset_record::origin::Program;
 use gusset_record::rt::os;
 
 /// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
@@ -78,6 +80,10 @@ pub fn main() -> ExitCode {
     }
     os::ignore_file_size_signal();
     progress::show_long_work();
+    gusset_record::origin::introduce(program());
+    if asks_for_the_build(std::env::args().skip(1)) {
+        return show_build();
+    }
     let cli = Cli::parse();
     begin_log(cli.log);
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
@@ -90,6 +96,44 @@ pub fn main() -> ExitCode {
             exit::of(&error).code().into()
         }
     }
+}
+
+/// This build.
+fn program() -> Program {
+    Program {
+        version: program::VERSION.to_owned(),
+        commit: program::COMMIT.to_owned(),
+        features: program::FEATURES.to_owned(),
+        target: program::TARGET.to_owned(),
+        compiler: program::COMPILER.to_owned(),
+    }
+}
+
+/// True of `--version --verbose`, in any order and by their letters.
+fn asks_for_the_build(words: impl Iterator<Item = String>) -> bool {
+    let words: Vec<String> = words.collect();
+    let is = |names: [&str; 2]| words.iter().any(|word| names.contains(&word.as_str()));
+    words.len() == 2 && is(["--version", "-V"]) && is(["--verbose", "-v"])
+}
+
+/// The facts of this build.
+fn show_build() -> ExitCode {
+    let Program {
+        version,
+        commit,
+        features,
+        target,
+        compiler,
+    } = program();
+    let shown = answer(format_args!(
+        "gusset {version}\ncommit {commit}\nfeatures {features}\ntarget {target}\ncompiler {compiler}"
+    ));
+    let exit = if shown.is_ok() {
+        Exit::Done
+    } else {
+        Exit::Stopped
+    };
+    exit.code().into()
 }
 
 /// The level of the option, or else of the environment. A variable that is no level must not keep anybody from `gusset stop`.

@@ -90,6 +90,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             resolved: toml::to_string(&served.source.file)
                 .context("the configuration cannot be written")?,
             inputs,
+            about: served.source.file.about.as_json(),
             queue_s: record.queue_s,
             required: record.required,
             accepted: verdict.as_ref().map(Verdict::accepted).unwrap_or_default(),

@@ -20,6 +20,7 @@
 //!
 //! Begin reading with [`TestFile`].
 
+mod about_table;
 mod address;
 mod axis_table;
 mod bus_spec;
@@ -74,6 +75,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 
+pub use about_table::{AboutSpecimen, AboutTable};
 pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
 use bus_spec::OnBuses;
 pub use bus_spec::{

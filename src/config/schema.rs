@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::about_table::AboutTable;
 use super::bus_spec::OnBuses;
 use super::bus_table::BusTable;
 use super::certificate::{CertificateTable, UncertaintyTable};
@@ -31,6 +32,9 @@ pub struct TestFile {
     /// and other hidden characters are refused. Default: the name of the file.
     #[serde(default)]
     pub title: String,
+    /// Who tests what: for archives, and for whoever finds the data later.
+    #[serde(default, skip_serializing_if = "AboutTable::is_empty")]
+    pub about: AboutTable,
     /// Integration step, duration and clock.
     pub time: TimeTable,
     /// Numerical substructure. Without this table nothing is integrated, and

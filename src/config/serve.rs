@@ -185,6 +185,7 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         };
         let file = ServeFile {
             title: test.title,
+            about: test.about,
             specimen: test.specimen,
             bus: test.bus,
             serve: ServeTable::default(),

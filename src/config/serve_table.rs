@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::about_table::AboutTable;
 use super::axis_table::{DispUnit, ForceUnit};
 use super::bus_spec::OnBuses;
 use super::bus_table::BusTable;
@@ -23,6 +24,9 @@ pub struct ServeFile {
     /// Title of the file.
     #[serde(default)]
     pub title: String,
+    /// Who tests what: for archives, and for whoever finds the data later.
+    #[serde(default, skip_serializing_if = "AboutTable::is_empty")]
+    pub about: AboutTable,
     /// Specimens, one table each. `gusset serve` serves one of them at a time.
     #[serde(default)]
     pub specimen: Vec<SpecimenTable>,

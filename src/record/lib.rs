@@ -48,6 +48,7 @@ pub mod miss;
 mod missing;
 pub mod note;
 pub mod onlooker;
+pub mod origin;
 pub mod ring;
 pub mod rt;
 pub mod run;

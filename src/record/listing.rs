@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::folder::{FolderError, at};
+use super::origin::filed;
 use super::run::Run;
 use super::summary::{Status, Summary};
 use super::whereabouts::is_claimed;
@@ -82,6 +83,8 @@ pub struct Listed {
     pub unstable: bool,
     /// Findings of its verdict.
     pub findings: usize,
+    /// Who tested what, when, where and by which program; known after its end.
+    pub filed: Vec<(&'static str, String)>,
 }
 
 /// Every run at and below `folder`, newest first. A folder that cannot be read is listed as damaged.
@@ -136,6 +139,7 @@ fn look_at(folder: &Path) -> Listed {
         peak: None,
         unstable: false,
         findings: 0,
+        filed: Vec::new(),
     };
     let run = match Run::open(folder) {
         Ok(run) => run,
@@ -161,6 +165,7 @@ fn look_at(folder: &Path) -> Listed {
         listed.steps = Some(summary.steps);
         listed.dt = Some(summary.dt);
         listed.peak = peak(summary);
+        listed.filed = filed(summary);
         if let Some(verdict) = &summary.verdict {
             listed.unstable = verdict.unstable;
             listed.findings = verdict.findings.len();

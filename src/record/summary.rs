@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::MissClasses;
 pub use super::in_order::InOrder;
 pub use super::limit_facts::{ActuatorFacts, LimitFact, LimitFacts, LoadingFacts, SpecimenLimits};
+use super::origin::Origin;
 use super::rt::Granted;
 use super::rt::timing::Timings;
 use gusset_motion::metrics::Tracking;
@@ -224,6 +225,12 @@ pub struct Summary {
     pub between_targets: Option<TimeBetweenTargets>,
     /// Version of this program.
     pub version: String,
+    /// `[about]` of the test file: who tests what.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub about: Option<Value>,
+    /// Its time, its machine and its program. Older runs lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// Rows that are not in `samples.bin`.
     #[serde(default)]
     pub rows_lost: u64,
@@ -322,6 +329,8 @@ pub(super) mod tests {
             between_targets: None,
             link: BTreeMap::from([("brace".to_owned(), LinkCounts::default())]),
             version: "0.1.0".to_owned(),
+            about: None,
+            origin: None,
             rows_lost: 0,
             inputs: Vec::new(),
             miss_classes: MissClasses::default(),

@@ -69,6 +69,7 @@ pub(crate) fn loop_round(
         followed: None,
     };
     let facts = Facts {
+        about: None,
         title,
         dt: period.value(),
         steps,

@@ -98,6 +98,7 @@ use gusset_control::engine::Control;
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::catalog::ending::{Cause, Exit};
 use gusset_quantity::catalog::event::Remark;
+use gusset_record::origin::Origin;
 use gusset_record::rt::wall::Wall;
 use gusset_record::rt::{Granted, os};
 use gusset_record::writer::WriterError;
@@ -328,6 +329,7 @@ fn carry_out(
         &unwritten,
     );
     summary.verdict = verdict;
+    summary.origin = Some(Origin::new(began, folder.path()));
     if let Err(error) = folder.write_summary(&summary) {
         if facts.record_required && cause == Cause::Done {
             // A later reader takes such a record for that of a test which was killed.

@@ -138,6 +138,7 @@ pub(super) fn summarise(
         },
         link: outcome.map(links).unwrap_or_default(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        about: facts.about.clone(),
         rows_lost: recorded.rows_lost(),
         inputs: folder.inputs().to_vec(),
         miss_classes: recorded.misses,

@@ -21,6 +21,8 @@ const COMPARED: usize = 6;
 pub struct Facts {
     /// Its title.
     pub title: String,
+    /// `[about]` of its file.
+    pub about: Option<serde_json::Value>,
     /// Δt in s of test time.
     pub dt: f64,
     /// Number of steps.

@@ -275,6 +275,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let facts = Facts {
         limits: limits::facts(file, &time, &ports, &of_loop, &kept),
         title: file.title.clone(),
+        about: file.about.as_json(),
         dt: time.step.value(),
         steps: time.steps,
         rate_hz: time.period.inverse().value(),

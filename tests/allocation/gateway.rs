@@ -27,6 +27,7 @@ fn exchange_allocates_nothing() {
             root: folder.path().into(),
             file: Vec::new(),
             resolved: String::new(),
+            about: None,
             inputs: Vec::new(),
             queue_s: 4.0,
             required: false,

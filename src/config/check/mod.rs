@@ -3,6 +3,7 @@
 //! Each error explains the consequence, not only the rule. Checks that need the structure itself (number of DOFs,
 //! existence of a storey, symmetry of a matrix) are made where it is built.
 
+mod about;
 mod bus;
 mod certificate;
 mod damping;
@@ -85,6 +86,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     findings.numbers(&of_record, numbers::NUMBERS_OF_RECORD);
     check_misses(&file.timing, &of_timing, &mut findings);
     findings.printable(&root.key("title"), Some(&file.title));
+    about::check_about(&file.about, &mut findings);
     findings.reasons("accept_unstable accept_trip accept_wiring accept_speed accept_error");
     let unlimited = file.safety.unlimited.as_deref();
     findings.printable(&of_safety.key("unlimited"), unlimited);
@@ -230,6 +232,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     let unlimited = file.safety.as_ref();
     let unlimited = unlimited.and_then(|safety| safety.unlimited.as_deref());
     findings.printable(&root.key("title"), Some(&file.title));
+    about::check_about(&file.about, &mut findings);
     findings.printable(&root.under("safety.unlimited"), unlimited);
     findings.reasons("accept_wiring accept_speed");
     if let Some(timing) = &file.timing {

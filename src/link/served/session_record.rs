@@ -17,6 +17,7 @@ use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_quantity::substructure::LinkStats;
 use gusset_record::Summary;
+use gusset_record::origin::Origin;
 use gusset_record::rt::os;
 use gusset_record::rt::wall::Wall;
 use gusset_record::summary::RecordedVerdict;
@@ -37,6 +38,8 @@ pub struct RecordSettings {
     pub resolved: String,
     /// Other files that were read: name and bytes.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
+    /// `[about]` of the file.
+    pub about: Option<serde_json::Value>,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
     /// A lost row makes the test a failed one.
@@ -76,6 +79,7 @@ pub(super) struct SessionRecord {
     began_ns: u64,
     required: bool,
     verdict: Option<RecordedVerdict>,
+    about: Option<serde_json::Value>,
     ended: Option<Sender<Option<EndedTest>>>,
 }
 
@@ -111,6 +115,7 @@ impl SessionRecord {
             required: settings.required,
             accepted: settings.accepted.clone(),
             verdict: settings.verdict.clone(),
+            about: settings.about.clone(),
             ended: settings.ended.clone(),
             folder,
         };
@@ -251,6 +256,7 @@ impl SessionRecord {
             began_ns,
             required,
             verdict,
+            about,
             ended,
             ..
         } = self;
@@ -272,6 +278,8 @@ impl SessionRecord {
             warnings: warnings.into_iter().chain(recorded.loss()).collect(),
             accepted,
             verdict,
+            about,
+            origin: Some(Origin::new(began, folder.path())),
             steps: commits,
             deadline_misses: missed_edges,
             ..summary_of(&test.counts(), &name, stats, (rate_hz, began))

@@ -15,6 +15,8 @@ use super::response::response;
 use super::sketch::sketch;
 use super::text::plural;
 use super::tracking::tracking;
+use gusset_record::origin::filed as filed_of;
+
 use super::{end_positions, events, identified, scale, tested, timing, tracked};
 
 /// Sentences of a verdict that are always open, if no more are warnings.
@@ -41,7 +43,11 @@ fn page(run: &RunView, digest: &Digest) -> String {
         .into_iter()
         .chain(end_positions::sentences(run, rows))
         .collect();
-    let head = html! { (banner(run, rows.after(), &more)) (tiles(run, rows, &axes, &timings)) };
+    let head = html! {
+        (filed(run))
+        (banner(run, rows.after(), &more))
+        (tiles(run, rows, &axes, &timings))
+    };
     let effect = effect_of_errors(run, rows, &axes);
     let results = [
         identified::identification(rows, &axes),
@@ -63,6 +69,16 @@ fn page(run: &RunView, digest: &Digest) -> String {
         }
     };
     frame(title, &body)
+}
+
+/// Who tested what, when, where and by which program.
+fn filed(run: &RunView) -> Markup {
+    let told = run.summary.as_ref().map(filed_of).unwrap_or_default();
+    html! {
+        @if !told.is_empty() {
+            dl.filed { @for (name, text) in &told { div { dt { (name) } dd { (text) } } } }
+        }
+    }
 }
 
 /// Facts of the tested model, and its sketch.

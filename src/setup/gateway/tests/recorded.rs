@@ -17,6 +17,7 @@ fn refused_target_has_a_row() {
         root: root.path().into(),
         file: Vec::new(),
         resolved: String::new(),
+        about: None,
         inputs: Vec::new(),
         queue_s: 4.0,
         required: true,

@@ -237,6 +237,7 @@ fn late_replies_are_counted_reported_once() {
             root: folder.path().to_owned(),
             file: Vec::new(),
             resolved: String::new(),
+            about: None,
             inputs: Vec::new(),
             queue_s: 1.0,
             required: true,

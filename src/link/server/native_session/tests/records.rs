@@ -25,6 +25,7 @@ pub(super) fn kept(root: &Path) -> RecordSettings {
         root: root.into(),
         file: Vec::new(),
         resolved: String::new(),
+        about: None,
         inputs: vec![("scripts/wrong.toml".into(), BYTES.into())],
         queue_s: 4.0,
         required: true,
