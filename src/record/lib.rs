@@ -27,6 +27,7 @@
 pub mod append;
 pub mod atomic;
 mod buffers;
+pub mod cell;
 pub mod checkpoint;
 mod checksum;
 mod event_log;
@@ -48,6 +49,8 @@ pub mod miss;
 mod missing;
 pub mod note;
 pub mod onlooker;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 pub mod ring;
 pub mod rt;
 pub mod run;

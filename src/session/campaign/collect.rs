@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::cell::TableColumn;
+use gusset_record::cell::TableColumn;
 use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
