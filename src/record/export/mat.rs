@@ -29,7 +29,7 @@ const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
 const INT64: u32 = 12;
 const MATRIX: u32 = 14;
-const UTF8: u32 = 16;
+const UTF16: u32 = 17;
 
 /// Classes of an array.
 const STRUCT: u32 = 2;
@@ -177,12 +177,13 @@ fn begin(class: u32, size: [u32; 2], name: &str, out: &mut Vec<u8>) {
     element(INT8, name.as_bytes(), out);
 }
 
-/// Adds a row of characters.
+/// Adds a row of characters. Octave cuts a text in UTF-8 off where a letter has several bytes.
 fn text(name: &str, text: &str, out: &mut Vec<u8>) {
     let mut array = Vec::new();
-    let letters = text.chars().count() as u32;
-    begin(CHAR, [letters.min(1), letters], name, &mut array);
-    element(UTF8, text.as_bytes(), &mut array);
+    let letters: Vec<_> = text.encode_utf16().map(u16::to_le_bytes).collect();
+    let length = letters.len() as u32;
+    begin(CHAR, [length.min(1), length], name, &mut array);
+    element(UTF16, letters.as_flattened(), &mut array);
     element(MATRIX, &array, out);
 }
 
