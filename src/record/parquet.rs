@@ -168,7 +168,10 @@ fn begun(
     metadata: Vec<(&'static str, String)>,
 ) -> ParquetResult<SerializedFileWriter<BufWriter<AtomicFile>>> {
     let mut fields = Vec::new();
-    let of_columns = ("columns", serde_json::to_string(columns).unwrap_or_default());
+    let of_columns = (
+        "columns",
+        serde_json::to_string(columns).unwrap_or_default(),
+    );
     let pairs = metadata.into_iter().chain([of_columns]);
     let pairs = pairs.map(|(key, value)| KeyValue::new(format!("gusset.{key}"), value));
     let mut properties = WriterProperties::builder()

@@ -62,7 +62,7 @@ pub(super) fn export(
         env!("CARGO_PKG_VERSION")
     );
     head.extend(std::iter::repeat_n(' ', 124 - head.len()));
-    // Version 1 of the layout, then how the byte order is told.
+    // Version 1 of the layout, then the mark of the byte order.
     let head = [head.as_bytes(), b"\x00\x01IM"].concat();
     file.write_all(&head).map_err(failed)?;
     for (index, name) in content.names.iter().enumerate() {
@@ -100,9 +100,7 @@ pub(super) fn rows_that_fit(rows: u64, columns: usize, texts: usize) -> Option<u
     let size = column
         .checked_mul(columns as u64)?
         .checked_add(128 + texts as u64)?;
-    (size <= MOST)
-        .then(|| u32::try_from(rows).ok())
-        .flatten()
+    (size <= MOST).then(|| u32::try_from(rows).ok()).flatten()
 }
 
 /// The variables of a file of any level, without the values of the columns.
@@ -153,7 +151,11 @@ fn identifier(name: &str) -> String {
         _ => '_',
     });
     let begin = (!is_begun).then_some('x');
-    begin.into_iter().chain(letters).take(LONGEST_NAME).collect()
+    begin
+        .into_iter()
+        .chain(letters)
+        .take(LONGEST_NAME)
+        .collect()
 }
 
 /// Type and size of what follows.

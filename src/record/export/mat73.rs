@@ -43,7 +43,12 @@ pub(super) fn write(
             other => std::io::Error::other(other),
         })
     };
-    let sources: Vec<_> = columns.plan.columns.iter().map(|c| c.source.clone()).collect();
+    let sources: Vec<_> = columns
+        .plan
+        .columns
+        .iter()
+        .map(|c| c.source.clone())
+        .collect();
     // A column beyond the address range does not fit into memory either; reading it reports that.
     let rows = usize::try_from(columns.rows).unwrap_or(usize::MAX);
     let feed = Arc::new(Mutex::new(ColumnFeed {

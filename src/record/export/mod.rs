@@ -9,7 +9,7 @@
 //!
 //! `plan` chooses the rows and columns; each format is one small writer. An export appears whole or not at all. From an
 //! unfinished or damaged run it takes the sound part. Its memory does not grow with the run (but for one column of it, where a
-//! format has columns). `metadata` is what a format says about the run itself. Libraries write [`Format::Mat73`] and
+//! format has columns). `metadata` has the pairs that describe the run. Libraries write [`Format::Mat73`] and
 //! [`Format::Hdf5`], Parquet and MCAP; they need the features `hdf5`, `parquet` and `mcap`. [`Notice`]s hold
 //! what the caller should report beside it. The log itself is never touched.
 
@@ -51,7 +51,7 @@ pub enum Format {
     Npz,
     /// A MATLAB file of one vector per column: level 5 up to 2 GB, else 7.3.
     Mat,
-    /// The same in version 7.3.
+    /// A MATLAB file of version 7.3 with one vector per column.
     Mat73,
     /// An HDF5 file of one dataset per column.
     Hdf5,
@@ -338,7 +338,7 @@ const fn without(format: &'static str, feature: &'static str) -> ExportError {
     ExportError::Feature { format, feature }
 }
 
-/// What a file says about its run, by key. Every format with metadata has these pairs.
+/// Metadata of a run, by key: every format with metadata has these pairs.
 fn metadata(run: &Run) -> Vec<(&'static str, String)> {
     let written_by = concat!("Gusset ", env!("CARGO_PKG_VERSION"));
     let mut pairs = vec![

@@ -375,7 +375,10 @@ fn parquet_has_units_and_metadata() {
     assert!(pairs["gusset.resolved"].contains("pier"));
     let columns: serde_json::Value = serde_json::from_str(pairs["gusset.columns"]).unwrap();
     let last = columns.as_array().unwrap().last().unwrap();
-    assert_eq!((&last["name"], &last["unit"]), (&"sequence".into(), &"1".into()));
+    assert_eq!(
+        (&last["name"], &last["unit"]),
+        (&"sequence".into(), &"1".into())
+    );
 }
 
 /// MATLAB and SciPy count the bytes of a file of level 5 as `int32`.
@@ -412,7 +415,12 @@ fn missing_feature_is_named() {
             &out,
         )
         .unwrap_err();
-        assert!(refused.to_string().contains(&format!("--features {feature}")), "{refused}");
+        assert!(
+            refused
+                .to_string()
+                .contains(&format!("--features {feature}")),
+            "{refused}"
+        );
         assert!(!out.exists());
     }
 }

@@ -82,9 +82,7 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     let axes = study.axes.iter().zip(&task.values);
     cells.extend(axes.map(|(axis, value)| {
         let value = value.as_ref();
-        value.map_or(Cell::Missing, |value| {
-            of_axis(value, kind_of(&axis.values))
-        })
+        value.map_or(Cell::Missing, |value| of_axis(value, kind_of(&axis.values)))
     }));
     if let Some((name, level)) = &task.motion {
         cells.push(Cell::Text(name.clone()));

@@ -47,7 +47,7 @@ def same(form, found, units, meanings, rename=lambda name: name):
 
 
 def assert_metadata(found):
-    """Key and value of what every format with metadata says about the run."""
+    """Checks the pairs of key and value that every format with metadata has."""
     of = lambda name: open(os.path.join(run_dir, name), encoding="utf-8").read()
     files = {"test": "test.toml", "resolved": "resolved.toml"}
     expected = {key: of(name) for key, name in files.items() if os.path.exists(os.path.join(run_dir, name))}
@@ -184,7 +184,7 @@ def mcap(path):
     for name, values in found.items():
         if name in described and len(rows):
             assert units[name] == described[name], name
-        # JSON has neither infinities nor the bits of what is not a number.
+        # JSON has neither infinities nor NaN.
         expected = wanted[name] if name == "sequence" else numpy.where(numpy.isfinite(wanted[name]), wanted[name], numpy.nan)
         assert numpy.array_equal(values, expected, equal_nan=name != "sequence"), name
 
