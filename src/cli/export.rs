@@ -33,7 +33,10 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         FormatArg::Csv => Format::Csv,
         FormatArg::Npz => Format::Npz,
         FormatArg::Mat => Format::Mat,
+        FormatArg::Mat73 => Format::Mat73,
         FormatArg::Hdf5 => Format::Hdf5,
+        FormatArg::Parquet => Format::Parquet,
+        FormatArg::Mcap => Format::Mcap,
         FormatArg::Trace => Format::Trace,
         FormatArg::DesignSafe => Format::DesignSafe,
     };
@@ -61,10 +64,12 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     for notice in &exported.notices {
         tell(format_args!("warning: {notice}"));
     }
+    let version = exported.version.map(|version| format!(" ({version})"));
     tell(format_args!(
-        "{} rows in {}",
+        "{} rows in {}{}",
         exported.rows,
-        args.out.display()
+        args.out.display(),
+        version.unwrap_or_default()
     ));
     Ok(if exported.is_of_damaged_rows() {
         Exit::Stopped

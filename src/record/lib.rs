@@ -27,6 +27,7 @@
 pub mod append;
 pub mod atomic;
 mod buffers;
+pub mod cell;
 pub mod checkpoint;
 mod checksum;
 mod event_log;
@@ -49,6 +50,8 @@ mod missing;
 pub mod note;
 pub mod onlooker;
 pub mod origin;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 pub mod ring;
 pub mod rt;
 pub mod run;

@@ -72,25 +72,24 @@ impl Origin {
     }
 }
 
-/// Who tested what, when, where and by which program: names and texts, for the head of a report and the metadata of an export. What is
+/// Who tested what, when, where and by which program: keys and texts, for the head of a report and the metadata of an export. What is
 /// not known is left out.
 #[must_use]
 pub fn filed(summary: &Summary) -> Vec<(&'static str, String)> {
-    const SAID: [(&str, &str); 8] = [
-        ("specimen", "specimen"),
-        ("operator", "operator"),
-        ("laboratory", "laboratory"),
-        ("project", "project"),
-        ("notes", "notes"),
-        ("keywords", "keywords"),
-        ("licence", "licence"),
-        ("doi", "DOI"),
+    const SAID: [&str; 8] = [
+        "specimen",
+        "operator",
+        "laboratory",
+        "project",
+        "notes",
+        "keywords",
+        "licence",
+        "doi",
     ];
     let about = summary.about.as_ref();
-    let said = SAID.iter().filter_map(|(key, name)| {
-        let value = about?.get(key)?;
-        Some((*name, in_words(value)))
-    });
+    let said = SAID
+        .into_iter()
+        .filter_map(|key| Some((key, in_words(about?.get(key)?))));
     let mut all: Vec<_> = said.collect();
     if let Some(origin) = &summary.origin {
         let Program {
@@ -100,18 +99,16 @@ pub fn filed(summary: &Summary) -> Vec<(&'static str, String)> {
             target,
             ..
         } = &origin.program;
-        let program = [version, commit, target, features]
-            .into_iter()
-            .filter(|part| !part.is_empty());
+        let build = [commit, target, features].map(String::as_str);
+        let build: Vec<&str> = build.into_iter().filter(|part| !part.is_empty()).collect();
+        let second = origin.began.get(..19).unwrap_or(&origin.began);
         all.extend([
-            ("date", origin.began.clone()),
-            ("local date", origin.began_local.clone()),
+            ("date", format!("{second}Z")),
+            ("date_local", origin.began_local.clone()),
             ("host", origin.host.clone()),
-            ("run folder", origin.folder.clone()),
-            (
-                "program",
-                format!("Gusset {}", program.cloned().collect::<Vec<_>>().join(", ")),
-            ),
+            ("run_folder", origin.folder.clone()),
+            ("program", format!("Gusset {version}")),
+            ("build", build.join(" ")),
         ]);
     }
     all
@@ -160,7 +157,8 @@ mod tests {
         );
         assert_eq!(of("keywords"), Some("x, y"));
         assert_eq!(of("host"), Some("lab"));
-        assert_eq!(of("program"), Some("Gusset 1.2.3, t"));
+        assert_eq!(of("program"), Some("Gusset 1.2.3"));
+        assert_eq!(of("build"), Some("t"));
         assert_eq!(of("laboratory"), None);
         assert!(filed(&Summary::from(json!({}))).is_empty());
     }

@@ -4,12 +4,12 @@
 mod common;
 
 mod contents;
-#[cfg(feature = "hdf5")]
+#[cfg(all(feature = "hdf5", feature = "mcap", feature = "parquet"))]
 mod exports;
 mod old_runs;
-#[cfg(feature = "hdf5")]
+#[cfg(all(feature = "hdf5", feature = "mcap", feature = "parquet"))]
 mod readers;
 mod replay;
 mod report;
-#[cfg(feature = "hdf5")]
+#[cfg(all(feature = "hdf5", feature = "mcap", feature = "parquet"))]
 mod trace;

@@ -46,7 +46,7 @@ pub(in crate::cli) struct ResetArgs {
     gusset export runs/first --format mat --out first.mat\n  \
     gusset export runs/first --format npz --rate tick --out first.npz\n  \
     gusset export runs/first --format trace --from 2 --to 2.5 --out first.json\n\n\
-    More: gusset guide reading-data (pandas, NumPy, MATLAB, Octave, Julia)"
+    More: gusset guide reading-data (pandas, NumPy, MATLAB, Octave, Julia, R, Foxglove)"
 )]
 pub(in crate::cli) struct ExportArgs {
     /// Run folder, finished or not.
@@ -90,10 +90,16 @@ pub(in crate::cli) enum FormatArg {
     Csv,
     /// NumPy archive, one array per column.
     Npz,
-    /// MATLAB 7.3 file, also for Octave and h5py, one vector per column.
+    /// MATLAB file, also for Octave, SciPy and R, one vector per column: level 5 up to 2 GB, else 7.3.
     Mat,
+    /// MATLAB 7.3 file of any size, for MATLAB, Octave and h5py.
+    Mat73,
     /// HDF5 file, one dataset per column.
     Hdf5,
+    /// Apache Parquet file, compressed, with units in its metadata, for pandas, Polars, DuckDB and R.
+    Parquet,
+    /// MCAP file for Foxglove and PlotJuggler: one channel for each group of columns, and the events.
+    Mcap,
     /// Timeline of the real-time loop for ui.perfetto.dev or chrome://tracing.
     Trace,
     /// Folder for a DesignSafe hybrid-simulation project.

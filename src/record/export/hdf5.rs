@@ -15,7 +15,7 @@ use hdf5_pure::{
 
 use super::columns::Columns;
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported, Extra};
+use super::{ExportError, Exported, Extra, metadata};
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 
@@ -75,19 +75,8 @@ fn groups(columns: &Columns) -> FileBuilder {
     let mut file = FileBuilder::new();
     // Superblock 2: MATLAB before R2021b opens no newer one.
     file.with_libver_bounds(LibVer::Earliest, LibVer::V18);
-    file.set_attr("format", text("gusset-run"));
-    file.set_attr(
-        "written_by",
-        text(concat!("Gusset ", env!("CARGO_PKG_VERSION"))),
-    );
-    for (name, of) in [
-        ("summary", "summary.json"),
-        ("test", "test.toml"),
-        ("resolved", "resolved.toml"),
-    ] {
-        if columns.run.path().join(of).is_file() {
-            file.set_attr(name, text(&columns.text(of)));
-        }
+    for (key, value) in metadata(&columns.run) {
+        file.set_attr(key, text(&value));
     }
     for name in ["samples", "timing"] {
         let group = file.create_group(name);

@@ -1,23 +1,41 @@
-//! MATLAB's file, version 7.3: `load('run.mat')` in MATLAB, any reader of HDF5 elsewhere.
+//! MATLAB's file, level 5: `load('run.mat')` in MATLAB and Octave, `scipy.io.loadmat` in Python, `R.matlab` in R.
 //!
 //! One column vector per column, doubles but for `sequence` (int64); beside them the structs `units` and `meanings` with
-//! a field per column, and `summary`, the text of summary.json (`jsondecode(summary)`). Not compressed. Written by
-//! `hdf5-pure`, which lays the file out first and then requests the columns, one after another. Octave reads the same
-//! numbers and gives texts as their codes: `char(summary)`. SciPy's `loadmat` stops at version 7; Python has `h5py`.
+//! a field per column, `summary`, the text of summary.json (`jsondecode(summary)`), and the struct `metadata`. Not compressed.
+//! Layout after MathWorks, "MAT-File Format", chapter 1. A file of this level has at most 2 GB: a longer one is of level 7.3,
+//! with the same variables.
 
+use std::collections::BTreeSet;
+use std::io::Write as _;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-use hdf5_pure::mat::{Block, DataProducer, InvalidNamePolicy, MatBuilder, MatError, Options};
 
 use super::columns::Columns;
-use super::hdf5::system;
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported, Extra};
+use super::{ExportError, Exported, Extra, metadata};
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 
-const TEXTS: [&str; 3] = ["units", "meanings", "summary"];
+/// Names of the variables that are no columns.
+const OWN: [&str; 4] = ["units", "meanings", "summary", "metadata"];
+/// Most bytes of a file: readers count them as `int32`.
+const MOST: u64 = i32::MAX as u64;
+/// Most letters of a name in MATLAB.
+const LONGEST_NAME: usize = 63;
+
+/// Types of the bytes of an element.
+const INT8: u32 = 1;
+const INT32: u32 = 5;
+const UINT32: u32 = 6;
+const DOUBLE: u32 = 9;
+const INT64: u32 = 12;
+const MATRIX: u32 = 14;
+const UTF16: u32 = 17;
+
+/// Classes of an array.
+const STRUCT: u32 = 2;
+const CHAR: u32 = 4;
+const OF_DOUBLES: u32 = 6;
+const OF_INT64: u32 = 14;
 
 /// Writes all columns.
 pub(super) fn export(
@@ -27,104 +45,165 @@ pub(super) fn export(
     out: &Path,
 ) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
-    let refused = |error: MatError| {
-        failed(match error {
-            MatError::Io(error) => error,
-            MatError::Hdf5(error) => system(error),
-            other => std::io::Error::other(other),
-        })
+    let (mut columns, exported) = Columns::new(run, choice, &extra.sums)?;
+    let content = Content::of(&columns);
+    let mut texts = Vec::new();
+    for (name, fields) in &content.structs {
+        structure(name, fields, &mut texts);
+    }
+    text("summary", &content.summary, &mut texts);
+    let Some(rows) = rows_that_fit(columns.rows, content.names.len(), texts.len()) else {
+        return longer(columns, content, exported, out);
     };
-    let (columns, exported) = Columns::new(run, choice, &extra.sums)?;
-    let summary = columns.text("summary.json");
-    let names = columns.plan.names(&TEXTS);
-    let described: Vec<_> = columns.plan.columns.to_vec();
-    // A column beyond the address range does not fit into memory either; reading it reports that.
-    let rows = usize::try_from(columns.rows).unwrap_or(usize::MAX);
-    let feed = Arc::new(Mutex::new(ColumnFeed {
-        columns,
-        values: Vec::new(),
-        trouble: None,
-    }));
 
-    let mut options = Options::default();
-    options.invalid_name_policy = InvalidNamePolicy::Sanitize;
-    let mut file = MatBuilder::new(options);
-    for (index, (name, exposed)) in names.iter().zip(&described).enumerate() {
-        let of = Box::new(OfColumn {
-            index,
-            feed: Arc::clone(&feed),
-        });
-        match exposed.source {
-            Source::Sequence => file.write_blocks::<i64>(name, &[rows, 1], of),
-            Source::Place(_) | Source::Sum(_) | Source::Nothing => {
-                file.write_blocks::<f64>(name, &[rows, 1], of)
-            }
+    let mut file = AtomicFile::create(out).map_err(failed)?;
+    let mut head = format!(
+        "MATLAB 5.0 MAT-file, written by Gusset {}",
+        env!("CARGO_PKG_VERSION")
+    );
+    head.extend(std::iter::repeat_n(' ', 124 - head.len()));
+    // Version 1 of the layout, then the mark of the byte order.
+    let head = [head.as_bytes(), b"\x00\x01IM"].concat();
+    file.write_all(&head).map_err(failed)?;
+    for (index, name) in content.names.iter().enumerate() {
+        let source = columns.plan.columns.get(index).map(|c| &c.source);
+        let (class, kind) = match source {
+            Some(Source::Sequence) => (OF_INT64, INT64),
+            _ => (OF_DOUBLES, DOUBLE),
+        };
+        let mut array = Vec::new();
+        begin(class, [rows, 1], name, &mut array);
+        array.extend(tag(kind, 8 * rows));
+        let size = array.len() as u32 + 8 * rows;
+        let values = columns.take(index)?;
+        for part in [&tag(MATRIX, size)[..], &array, &values] {
+            file.write_all(part).map_err(failed)?;
         }
-        .map_err(refused)?;
     }
-    let [of_units, of_meanings, of_summary] = TEXTS;
-    for of in [of_units, of_meanings] {
-        file.struct_(of, |fields| {
-            for (name, exposed) in names.iter().zip(&described) {
-                let column = &exposed.column;
-                let text = if of == of_units {
-                    &column.unit
-                } else {
-                    &column.meaning
-                };
-                fields.write_char(name, text)?;
+    file.write_all(&texts).map_err(failed)?;
+    file.commit().map_err(failed)?;
+    Ok(exported.written_as("MATLAB level 5"))
+}
+
+#[cfg(feature = "hdf5")]
+use super::mat73::write as longer;
+
+#[cfg(not(feature = "hdf5"))]
+fn longer(_: Columns, _: Content, _: Exported, _: &Path) -> Result<Exported, ExportError> {
+    Err(super::without("a .mat of more than 2 GB", "hdf5"))
+}
+
+/// Rows of such a file if it may be of level 5.
+pub(super) fn rows_that_fit(rows: u64, columns: usize, texts: usize) -> Option<u32> {
+    // The tags and the name of a column take less than 128 bytes, as does the head.
+    let column = rows.checked_mul(8)?.checked_add(128)?;
+    let size = column
+        .checked_mul(columns as u64)?
+        .checked_add(128 + texts as u64)?;
+    (size <= MOST).then(|| u32::try_from(rows).ok()).flatten()
+}
+
+/// The variables of a file of any level, without the values of the columns.
+pub(super) struct Content {
+    /// Names of the columns.
+    pub names: Vec<String>,
+    /// Structs of texts.
+    pub structs: Vec<(&'static str, Vec<(String, String)>)>,
+    /// The text of summary.json.
+    pub summary: String,
+}
+
+impl Content {
+    pub(crate) fn of(columns: &Columns) -> Self {
+        let mut names: Vec<String> = Vec::new();
+        let mut known = BTreeSet::new();
+        for name in columns.plan.names(&OWN) {
+            let mut name = identifier(&name);
+            while !known.insert(name.clone()) {
+                name.push('_');
             }
-            Ok(())
-        })
-        .map_err(refused)?;
-    }
-    file.write_char(of_summary, &summary).map_err(refused)?;
-
-    let mut to = AtomicFile::create(out).map_err(failed)?;
-    if let Err(error) = file.finish_to(&mut to) {
-        let trouble = lock(&feed).trouble.take();
-        return Err(trouble.unwrap_or_else(|| refused(error)));
-    }
-    to.commit().map_err(failed)?;
-    Ok(exported)
-}
-
-/// Source of the columns while the file is written.
-struct ColumnFeed {
-    columns: Columns,
-    /// Values of the column that is being written.
-    values: Vec<u8>,
-    /// Why they are missing.
-    trouble: Option<ExportError>,
-}
-
-struct OfColumn {
-    index: usize,
-    feed: Arc<Mutex<ColumnFeed>>,
-}
-
-/// One thread writes: the lock never waits, and a poisoned lock does no harm.
-fn lock(feed: &Mutex<ColumnFeed>) -> MutexGuard<'_, ColumnFeed> {
-    feed.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl DataProducer for OfColumn {
-    fn block_bytes(&self, block: Block, out: &mut Vec<u8>) -> Result<(), MatError> {
-        let mut feed = lock(&self.feed);
-        if block.index == 0 {
-            feed.values = Vec::new();
-            match feed.columns.take(self.index) {
-                Ok(values) => feed.values = values,
-                Err(trouble) => {
-                    feed.trouble = Some(trouble);
-                    return Err(MatError::Custom("no samples".to_owned()));
-                }
-            }
+            names.push(name);
         }
-        let from = usize::try_from(8 * block.first_element).unwrap_or(usize::MAX);
-        let values = feed.values.get(from..).unwrap_or_default();
-        // The library refuses fewer values than it requested.
-        out.extend_from_slice(values.get(..block.len()).unwrap_or(values));
-        Ok(())
+        let described = || names.iter().zip(&columns.plan.columns);
+        let units = described().map(|(name, c)| (name.clone(), c.column.unit.clone()));
+        let meanings = described().map(|(name, c)| (name.clone(), c.column.meaning.clone()));
+        let of_run = metadata(&columns.run).into_iter();
+        let of_run = of_run.filter(|(key, _)| *key != "summary");
+        let of_run = of_run.map(|(key, value)| (key.to_owned(), value));
+        let [of_units, of_meanings, _, of_metadata] = OWN;
+        Self {
+            structs: vec![
+                (of_units, units.collect()),
+                (of_meanings, meanings.collect()),
+                (of_metadata, of_run.collect()),
+            ],
+            summary: columns.text("summary.json"),
+            names,
+        }
     }
+}
+
+/// A name of MATLAB: letters, digits and underscores, a letter first.
+fn identifier(name: &str) -> String {
+    let is_begun = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    let letters = name.chars().map(|c| match c {
+        c if c.is_ascii_alphanumeric() => c,
+        _ => '_',
+    });
+    let begin = (!is_begun).then_some('x');
+    begin
+        .into_iter()
+        .chain(letters)
+        .take(LONGEST_NAME)
+        .collect()
+}
+
+/// Type and size of what follows.
+fn tag(kind: u32, bytes: u32) -> [u8; 8] {
+    let (mut tag, parts) = ([0; 8], [kind.to_le_bytes(), bytes.to_le_bytes()]);
+    tag.copy_from_slice(parts.as_flattened());
+    tag
+}
+
+/// Adds a short element, filled up to a multiple of eight bytes.
+fn element(kind: u32, bytes: &[u8], out: &mut Vec<u8>) {
+    out.extend(tag(kind, bytes.len() as u32));
+    out.extend_from_slice(bytes);
+    out.resize(out.len().next_multiple_of(8), 0);
+}
+
+/// Adds the parts of an array before its values.
+fn begin(class: u32, size: [u32; 2], name: &str, out: &mut Vec<u8>) {
+    element(UINT32, [class, 0].map(u32::to_le_bytes).as_flattened(), out);
+    element(INT32, size.map(u32::to_le_bytes).as_flattened(), out);
+    element(INT8, name.as_bytes(), out);
+}
+
+/// Adds a row of characters. Octave cuts a text in UTF-8 off where a letter has several bytes.
+fn text(name: &str, text: &str, out: &mut Vec<u8>) {
+    let mut array = Vec::new();
+    let letters: Vec<_> = text.encode_utf16().map(u16::to_le_bytes).collect();
+    let length = letters.len() as u32;
+    begin(CHAR, [length.min(1), length], name, &mut array);
+    element(UTF16, letters.as_flattened(), &mut array);
+    element(MATRIX, &array, out);
+}
+
+/// Adds a struct of texts.
+fn structure(name: &str, fields: &[(String, String)], out: &mut Vec<u8>) {
+    let mut array = Vec::new();
+    begin(STRUCT, [1, 1], name, &mut array);
+    // Bytes of each field name with the zero behind it, as an element whose tag and value are eight bytes.
+    let width = LONGEST_NAME + 1;
+    array.extend(tag((4 << 16) | INT32, width as u32));
+    let mut names = Vec::new();
+    for (index, (field, _)) in fields.iter().enumerate() {
+        names.extend_from_slice(field.as_bytes());
+        names.resize((index + 1) * width, 0);
+    }
+    element(INT8, &names, &mut array);
+    for (_, value) in fields {
+        text("", value, &mut array);
+    }
+    element(MATRIX, &array, out);
 }

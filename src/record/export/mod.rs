@@ -3,13 +3,14 @@
 //! | format | rows | columns | holds |
 //! |---|---|---|---|
 //! | [`Format::Csv`] | steps, or all ticks | those of a CSV | text, 17 significant digits |
-//! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
+//! | [`Format::Npz`], [`Format::Mat`], [`Format::Mat73`], [`Format::Hdf5`], [`Format::Parquet`], [`Format::Mcap`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
 //! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
 //! `plan` chooses the rows and columns; each format is one small writer. An export appears whole or not at all. From an
 //! unfinished or damaged run it takes the sound part. Its memory does not grow with the run (but for one column of it, where a
-//! format has columns). A library writes the last two formats of the second line; they need the feature `hdf5`. [`Notice`]s hold
+//! format has columns). `metadata` has the pairs that describe the run. Libraries write [`Format::Mat73`] and
+//! [`Format::Hdf5`], Parquet and MCAP; they need the features `hdf5`, `parquet` and `mcap`. [`Notice`]s hold
 //! what the caller should report beside it. The log itself is never touched.
 
 mod columns;
@@ -17,9 +18,14 @@ mod csv;
 mod designsafe;
 #[cfg(feature = "hdf5")]
 mod hdf5;
-#[cfg(feature = "hdf5")]
 mod mat;
+#[cfg(feature = "hdf5")]
+mod mat73;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod npz;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod plan;
 mod trace;
 
@@ -31,6 +37,7 @@ use thiserror::Error;
 use super::folder::FolderError;
 use super::journal::{End, Journal};
 use super::missing::MissingEnd;
+use super::origin::filed;
 use super::run::{MOST_OF_A_KIND, Run};
 
 use plan::Plan;
@@ -43,10 +50,16 @@ pub enum Format {
     Csv,
     /// A NumPy archive of one array per column.
     Npz,
-    /// A MATLAB file (version 7.3) of one vector per column.
+    /// A MATLAB file of one vector per column: level 5 up to 2 GB, else 7.3.
     Mat,
+    /// A MATLAB file of version 7.3 with one vector per column.
+    Mat73,
     /// An HDF5 file of one dataset per column.
     Hdf5,
+    /// An Apache Parquet file.
+    Parquet,
+    /// An MCAP file with a channel per group of columns, and the events.
+    Mcap,
     /// The timeline of the loop in the trace-event format.
     Trace,
     /// A folder in the shape of a DesignSafe hybrid-simulation project.
@@ -165,7 +178,7 @@ impl ExportError {
 /// Notice for a reader of the export.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
-    /// Number of events that the trace lacks, because there are too many of their kind.
+    /// Number of events that the export lacks, because there are too many of their kind.
     EventsLeftOut(u64),
     /// The run has no summary: it is still running or was killed.
     Unfinished,
@@ -179,6 +192,8 @@ pub enum Notice {
     MissingEnd(MissingEnd),
     /// Nothing was recorded, or nothing of it is in the window.
     Empty,
+    /// An archive asks for these keys of `[about]`, which the test file does not have.
+    Unfiled(String),
     /// These columns, which every export has, were not recorded: there is nothing in them.
     NotRecorded(String),
 }
@@ -213,7 +228,7 @@ impl std::fmt::Display for Notice {
             Self::MissingEnd(end) => write!(f, "the samples are cut short: {end}"),
             Self::EventsLeftOut(events) => write!(
                 f,
-                "the trace lacks {events} events of `events.jsonl`: it has the first {MOST_OF_A_KIND} of each kind"
+                "the export lacks {events} events of `events.jsonl`: it has the first {MOST_OF_A_KIND} of each kind"
             ),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
             Self::NotRecorded(columns) => write!(
@@ -231,6 +246,8 @@ pub struct Exported {
     pub rows: u64,
     /// Notices for a reader.
     pub notices: Vec<Notice>,
+    /// The version of the file, where a format has several.
+    pub version: Option<&'static str>,
 }
 
 impl Exported {
@@ -258,7 +275,14 @@ impl Exported {
                 .into_iter()
                 .flatten()
                 .collect(),
+            version: None,
         }
+    }
+
+    /// Names the version that was written.
+    fn written_as(mut self, version: &'static str) -> Self {
+        self.version = Some(version);
+        self
     }
 
     /// Adds the notices about a table.
@@ -290,23 +314,52 @@ pub fn export(
     match format {
         Format::Csv => csv::export(run, choice, extra, out),
         Format::Npz => npz::export(run, choice, extra, out),
-        #[cfg(feature = "hdf5")]
         Format::Mat => mat::export(run, choice, extra, out),
+        #[cfg(feature = "hdf5")]
+        Format::Mat73 => mat73::export(run, choice, extra, out),
         #[cfg(feature = "hdf5")]
         Format::Hdf5 => hdf5::export(run, choice, extra, out),
         #[cfg(not(feature = "hdf5"))]
-        Format::Mat => Err(without_hdf5(".mat")),
+        Format::Mat73 => Err(without(".mat 7.3", "hdf5")),
         #[cfg(not(feature = "hdf5"))]
-        Format::Hdf5 => Err(without_hdf5("HDF5")),
+        Format::Hdf5 => Err(without("HDF5", "hdf5")),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => parquet::export(run, choice, extra, out),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => Err(without("Parquet", "parquet")),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => mcap::export(run, choice, extra, out),
+        #[cfg(not(feature = "mcap"))]
+        Format::Mcap => Err(without("MCAP", "mcap")),
         Format::Trace => trace::export(run, choice, out),
         Format::DesignSafe => designsafe::export(run, choice, extra, out),
     }
 }
 
-#[cfg(not(feature = "hdf5"))]
-const fn without_hdf5(format: &'static str) -> ExportError {
-    let feature = "hdf5";
+#[cfg(not(all(feature = "hdf5", feature = "parquet", feature = "mcap")))]
+const fn without(format: &'static str, feature: &'static str) -> ExportError {
     ExportError::Feature { format, feature }
+}
+
+/// Metadata of a run, by key: every format with metadata has these pairs.
+fn metadata(run: &Run) -> Vec<(&'static str, String)> {
+    let written_by = concat!("Gusset ", env!("CARGO_PKG_VERSION"));
+    let mut pairs = vec![
+        ("format", "gusset-run".to_owned()),
+        ("written_by", written_by.to_owned()),
+    ];
+    for (key, name) in [
+        ("summary", "summary.json"),
+        ("test", "test.toml"),
+        ("resolved", "resolved.toml"),
+    ] {
+        // A run by hand, or one that is not over, lacks some; bytes that are no text cannot be carried.
+        if let Ok(text) = std::fs::read_to_string(run.path().join(name)) {
+            pairs.push((key, text));
+        }
+    }
+    pairs.extend(run.summary().map(filed).unwrap_or_default());
+    pairs
 }
 
 #[cfg(test)]

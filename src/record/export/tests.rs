@@ -312,7 +312,84 @@ fn columns_do_not_depend_on_memory() {
     }
 }
 
-#[cfg(not(feature = "hdf5"))]
+/// A run of one row, exported in this format.
+#[cfg(any(feature = "mcap", feature = "parquet"))]
+fn one_row(format: Format) -> (tempfile::TempDir, std::path::PathBuf) {
+    let temp = tempfile::tempdir().unwrap();
+    let path = temp.path().join("run");
+    recorded(&path, &NAMES, &[&row(0.0, 0.0, 0.5, -0.1)]);
+    let test = "[[specimen]]\nname = \"pier\"\n";
+    std::fs::write(path.join("resolved.toml"), test).unwrap();
+    let (run, out) = (Run::open(&path).unwrap(), temp.path().join("out"));
+    let choice = Choice::all(Rows::Step);
+    export(&run, format, &choice, &Extra::default(), &out).unwrap();
+    (temp, out)
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn mcap_has_a_channel_for_each_group() {
+    let (_temp, out) = one_row(Format::Mcap);
+    let bytes = std::fs::read(out).unwrap();
+    let stream = ::mcap::MessageStream::new(&bytes).unwrap();
+    let mut found = Vec::new();
+    for message in stream.map(Result::unwrap) {
+        let schema: serde_json::Value =
+            serde_json::from_slice(&message.channel.schema.as_ref().unwrap().data).unwrap();
+        assert_eq!(schema["properties"]["time"]["type"], "number");
+        // Without events the start of the run is not known.
+        assert_eq!(message.log_time, 500_000_000);
+        let text = String::from_utf8(message.data.to_vec()).unwrap();
+        found.push((message.channel.topic.clone(), text));
+    }
+    let expected = [
+        (
+            "/state",
+            r#"{"time":0.5,"x2":-0.1,"x10":1.0,"v2":2.0,"v10":3.0,"a2":4.0}"#,
+        ),
+        (
+            "/specimen/pier",
+            r#"{"time":0.5,"target_1_1":7.0,"cmd_1_1":8.0,"meas_1_1":9.0,"force_1_1":6.0}"#,
+        ),
+        (
+            "/loop",
+            r#"{"time":0.5,"step":0.0,"sub_tick":0.0,"state":3.0,"vendor_flag":10.0,"sequence":0}"#,
+        ),
+    ];
+    assert_eq!(found, expected.map(|(a, b)| (a.to_owned(), b.to_owned())));
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn parquet_has_units_and_metadata() {
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    let (_temp, out) = one_row(Format::Parquet);
+    let reader = SerializedFileReader::new(std::fs::File::open(out).unwrap()).unwrap();
+    let metadata = reader.metadata().file_metadata();
+    assert_eq!(metadata.num_rows(), 1);
+    let pairs = metadata.key_value_metadata().unwrap().iter();
+    let pairs: std::collections::BTreeMap<_, _> = pairs
+        .map(|pair| (pair.key.as_str(), pair.value.as_deref().unwrap()))
+        .collect();
+    assert_eq!(pairs["gusset.format"], "gusset-run");
+    assert!(pairs["gusset.resolved"].contains("pier"));
+    let columns: serde_json::Value = serde_json::from_str(pairs["gusset.columns"]).unwrap();
+    let last = columns.as_array().unwrap().last().unwrap();
+    assert_eq!(
+        (&last["name"], &last["unit"]),
+        (&"sequence".into(), &"1".into())
+    );
+}
+
+/// MATLAB and SciPy count the bytes of a file of level 5 as `int32`.
+#[test]
+fn level_5_ends_at_2_gb() {
+    let fits = |rows| mat::rows_that_fit(rows, 16, 1 << 16).is_some();
+    let most = ((1 << 31) - (1 << 16)) / (8 * 16);
+    assert!(fits(0) && fits(most - 20));
+    assert!(!fits(most) && !fits(1 << 32) && !fits(u64::MAX));
+}
+
 #[test]
 fn missing_feature_is_named() {
     let temp = tempfile::tempdir().unwrap();
@@ -320,7 +397,16 @@ fn missing_feature_is_named() {
     recorded(&path, &NAMES, &[]);
     let run = Run::open(&path).unwrap();
     let out = temp.path().join("out");
-    for format in [Format::Mat, Format::Hdf5] {
+    let formats = [
+        (Format::Mat73, "hdf5", cfg!(feature = "hdf5")),
+        (Format::Hdf5, "hdf5", cfg!(feature = "hdf5")),
+        (Format::Parquet, "parquet", cfg!(feature = "parquet")),
+        (Format::Mcap, "mcap", cfg!(feature = "mcap")),
+    ];
+    for (format, feature, is_built) in formats {
+        if is_built {
+            continue;
+        }
         let refused = export(
             &run,
             format,
@@ -329,7 +415,12 @@ fn missing_feature_is_named() {
             &out,
         )
         .unwrap_err();
-        assert!(refused.to_string().contains("--features hdf5"), "{refused}");
+        assert!(
+            refused
+                .to_string()
+                .contains(&format!("--features {feature}")),
+            "{refused}"
+        );
         assert!(!out.exists());
     }
 }

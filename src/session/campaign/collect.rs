@@ -5,7 +5,6 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::cell::TableColumn;
 use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
@@ -24,6 +23,7 @@ use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
 use gusset_record::atomic;
+use gusset_record::cell::TableColumn;
 
 const SUMMARY: &str = "summary.json";
 const REPORT: &str = "report.html";

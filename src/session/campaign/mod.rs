@@ -17,12 +17,11 @@
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
 //! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
-//! | `collect`, `cell`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
+//! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
 //! | `found`, `fractile`, `fragility`, `largest` | values for the report, and their statistics |
 //! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
 mod bundle;
-mod cell;
 mod collect;
 mod design;
 mod distribution;
@@ -37,8 +36,6 @@ mod measure;
 mod motions;
 mod page;
 mod pairs;
-#[cfg(feature = "parquet")]
-mod parquet;
 mod part;
 pub(super) mod perform;
 mod plan;

@@ -4,9 +4,6 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, CellKind, TableColumn, quoted};
-#[cfg(feature = "parquet")]
-use super::parquet::ParquetTable;
 use super::perform::Performed;
 use super::study::Study;
 use super::task::Task;
@@ -14,6 +11,9 @@ use super::{CampaignError, at};
 use gusset_config::Scalar;
 use gusset_quantity::units::unit_in_name;
 use gusset_record::atomic::AtomicFile;
+use gusset_record::cell::{Cell, CellKind, TableColumn, quoted};
+#[cfg(feature = "parquet")]
+use gusset_record::parquet::ParquetTable;
 
 /// Kind of a column with these values of an axis.
 fn kind_of(values: &[Scalar]) -> CellKind {
@@ -82,9 +82,7 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     let axes = study.axes.iter().zip(&task.values);
     cells.extend(axes.map(|(axis, value)| {
         let value = value.as_ref();
-        value.map_or(Cell::Missing, |value| {
-            Cell::of(value, kind_of(&axis.values))
-        })
+        value.map_or(Cell::Missing, |value| of_axis(value, kind_of(&axis.values)))
     }));
     if let Some((name, level)) = &task.motion {
         cells.push(Cell::Text(name.clone()));
@@ -99,6 +97,17 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     cells.push(Cell::Text(result.ended.clone()));
     cells.extend(result.values.iter().map(|value| Cell::number(*value)));
     cells
+}
+
+/// A value of an axis in a column of kind `kind`.
+fn of_axis(value: &Scalar, kind: CellKind) -> Cell {
+    match (kind, value) {
+        (CellKind::Integer, Scalar::Whole(value)) => Cell::Integer(*value),
+        (CellKind::Number, Scalar::Whole(value)) => Cell::Number(*value as f64),
+        (CellKind::Number, Scalar::Real(value)) => Cell::number(*value),
+        (_, Scalar::Text(value)) => Cell::Text(value.clone()),
+        (_, value) => Cell::Text(value.toml()),
+    }
 }
 
 /// The files of a table that is being written.
@@ -121,7 +130,10 @@ impl Tables {
             folder: folder.to_owned(),
             csv,
             #[cfg(feature = "parquet")]
-            parquet: ParquetTable::create(&partial(folder, "parquet"), columns)?,
+            parquet: {
+                let path = partial(folder, "parquet");
+                ParquetTable::create(&path, columns, Vec::new()).map_err(at(&path))?
+            },
         })
     }
 
@@ -131,7 +143,10 @@ impl Tables {
         let line = writeln!(self.csv, "{}", texts.join(","));
         line.map_err(at(&partial(&self.folder, "csv")))?;
         #[cfg(feature = "parquet")]
-        self.parquet.row(cells)?;
+        {
+            let row = self.parquet.row(cells);
+            row.map_err(at(&partial(&self.folder, "parquet")))?;
+        }
         Ok(())
     }
 
@@ -144,7 +159,10 @@ impl Tables {
             .map_err(io::IntoInnerError::into_error);
         file.and_then(AtomicFile::commit).map_err(at(&csv))?;
         #[cfg(feature = "parquet")]
-        self.parquet.finish()?;
+        {
+            let finished = self.parquet.finish();
+            finished.map_err(at(&partial(&self.folder, "parquet")))?;
+        }
         for extension in ["parquet", "csv"] {
             let part = partial(&self.folder, extension);
             let whole = self.folder.join(format!("table.{extension}"));

@@ -76,7 +76,7 @@ fn filed(run: &RunView) -> Markup {
     let told = run.summary.as_ref().map(filed_of).unwrap_or_default();
     html! {
         @if !told.is_empty() {
-            dl.filed { @for (name, text) in &told { div { dt { (name) } dd { (text) } } } }
+            dl.filed { @for (name, text) in &told { div { dt { (name.replace('_', " ")) } dd { (text) } } } }
         }
     }
 }

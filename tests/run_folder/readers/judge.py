@@ -46,6 +46,19 @@ def same(form, found, units, meanings, rename=lambda name: name):
             assert told == described[name], (form, name, told)
 
 
+def assert_metadata(found):
+    """Checks the pairs of key and value that every format with metadata has."""
+    of = lambda name: open(os.path.join(run_dir, name), encoding="utf-8").read()
+    files = {"test": "test.toml", "resolved": "resolved.toml"}
+    expected = {key: of(name) for key, name in files.items() if os.path.exists(os.path.join(run_dir, name))}
+    found = {key: value for key, value in found.items() if key in ("format", "test", "resolved", "summary")}
+    assert found == expected | {"format": "gusset-run", "summary": summary}, found.keys()
+
+
+def matlab_name(own):
+    return lambda n: n + "_" if n in own else n if n[0].isalpha() else "x" + n
+
+
 def csv(path):
     header = open(path, encoding="ascii").readline().strip().split(",")
     table = numpy.genfromtxt(path, delimiter=",", skip_header=1).reshape(-1, len(header))
@@ -67,6 +80,22 @@ def npz(path):
 
 
 def mat(path):
+    import scipy.io
+
+    assert open(path, "rb").read(10) == b"MATLAB 5.0"
+    d = scipy.io.loadmat(path)
+    text = lambda data: str(data[0]) if data.size else ""
+    fields = lambda data: {name: text(data[name][0, 0]) for name in data.dtype.names}
+    assert text(d["summary"]) == summary
+    assert_metadata(fields(d["metadata"]) | {"summary": summary})
+    own = ("units", "meanings", "summary", "metadata")
+    found = {n: values for n, values in d.items() if n not in own and not n.startswith("__")}
+    assert all(values.shape == (len(rows), 1) for values in found.values())
+    found = {n: values[:, 0] for n, values in found.items()}
+    same("mat", found, fields(d["units"]), fields(d["meanings"]), matlab_name(own))
+
+
+def mat73(path):
     import h5py
 
     assert open(path, "rb").read(19) == b"MATLAB 7.3 MAT-file"
@@ -83,12 +112,12 @@ def mat(path):
             assert made.shape == (len(rows), 1), (data.name, made.shape)
             return made[:, 0]
 
-        own = ("units", "meanings", "summary")
+        own = ("units", "meanings", "summary", "metadata")
         of = lambda key: {n: value(data) for n, data in h[key].items()}
         assert value(h["summary"]) == summary
+        assert_metadata({key: value(data) for key, data in h["metadata"].items()} | {"summary": summary})
         found = {n: value(data) for n, data in h.items() if n not in own}
-        fit = lambda n: n + "_" if n in own else n if n[0].isalpha() else "x" + n
-        same("mat", found, of("units"), of("meanings"), fit)
+        same("mat73", found, of("units"), of("meanings"), matlab_name(own))
 
 
 def hdf5(path):
@@ -97,12 +126,67 @@ def hdf5(path):
     with h5py.File(path) as h:
         timing = {c["name"] for c in layout["columns"] if c["timing"]}
         assert set(h) == {"samples", "timing"} and set(h["timing"]) == timing
-        assert h.attrs["format"] == "gusset-run" and h.attrs.get("summary", "") == summary
-        assert h.attrs.get("test", "") == (open(run_dir + "/test.toml").read() if os.path.exists(run_dir + "/test.toml") else "")
+        assert_metadata({"summary": ""} | dict(h.attrs))
         found = {name: data for group in h.values() for name, data in group.items()}
         of = lambda key: {name: data.attrs[key] for name, data in found.items()}
         assert all(data.chunks is None for data in found.values())
         same("hdf5", {name: data[()] for name, data in found.items()}, of("unit"), of("meaning"))
+
+
+def parquet(path):
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(path)
+    pairs = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
+    assert_metadata({"summary": ""} | {key.removeprefix("gusset."): value for key, value in pairs.items()})
+    columns = {c["name"]: c for c in json.loads(pairs["gusset.columns"])}
+    assert list(columns) == table.column_names
+    found = {name: table[name].to_numpy() for name in table.column_names}
+    for name in absent:
+        assert table[name].null_count == len(rows), name
+        found[name] = numpy.full(len(rows), numpy.nan)
+    of = lambda key: {name: column[key] for name, column in columns.items()}
+    same("parquet", found, of("unit"), of("meaning"))
+
+
+def mcap(path):
+    from mcap.reader import make_reader
+
+    reader = make_reader(open(path, "rb"))
+    about, = reader.iter_metadata()
+    assert about.name == "gusset"
+    assert_metadata({"summary": ""} | about.metadata)
+    sent, told, units = {}, [], {}
+    for schema, channel, message in reader.iter_messages():
+        assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+        data = json.loads(message.data)
+        if channel.topic == "/events":
+            told.append(data)
+            continue
+        fields = json.loads(schema.data)["properties"]
+        assert set(data) <= set(fields)
+        assert channel.metadata == {name: field["unit"] for name, field in fields.items()}
+        units |= {name: (field["unit"], field["description"]) for name, field in fields.items()}
+        sent.setdefault(channel.topic, []).append((message.log_time, message.sequence, data))
+    lines = os.path.join(run_dir, "events.jsonl")
+    lines = [json.loads(line) for line in open(lines, encoding="utf-8")] if os.path.exists(lines) else []
+    assert len(told) <= len(lines) and (told or not lines)
+    start = lines[0]["wall"] if lines else "1970-01-01T00:00:00.000000000Z"
+    start = int(numpy.datetime64(start.removesuffix("Z"), "ns").astype("i8"))
+    found = {name: numpy.full(len(rows), numpy.nan) for name in wanted}
+    found["sequence"] = numpy.zeros(len(rows), "i8")
+    for topic, messages in sent.items():
+        assert len(messages) == len(rows), topic
+        for row, (at, number, data) in enumerate(messages):
+            assert number == row and at == start + round(data["time"] * 1e9), topic
+            for name, value in data.items():
+                found[name][row] = value
+    for name, values in found.items():
+        if name in described and len(rows):
+            assert units[name] == described[name], name
+        # JSON has neither infinities nor NaN.
+        expected = wanted[name] if name == "sequence" else numpy.where(numpy.isfinite(wanted[name]), wanted[name], numpy.nan)
+        assert numpy.array_equal(values, expected, equal_nan=name != "sequence"), name
 
 
 for form in formats:

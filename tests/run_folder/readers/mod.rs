@@ -10,15 +10,15 @@ use gusset_record::{Column, Layout};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// All forms of the same numbers.
-pub const TABLES: [&str; 4] = ["csv", "npz", "mat", "hdf5"];
+pub const TABLES: [&str; 7] = ["csv", "npz", "mat", "mat73", "hdf5", "parquet", "mcap"];
 
-/// Python with numpy and h5py. Without it a test says SKIPPED, and fails where CI=true.
+/// Python with what reads the exports. Without it a test says SKIPPED, and fails where CI=true.
 pub fn python() -> Option<PathBuf> {
     let made = Path::new(ROOT).join("target/export-venv/bin/python");
     let python = std::env::var_os("GUSSET_EXPORT_PYTHON").map_or(made, PathBuf::from);
     found(
         python,
-        "numpy and h5py are not installed; `tools/test` installs them",
+        "the readers of the exports are not installed; `tools/test` installs them",
     )
 }
 
@@ -53,7 +53,7 @@ pub fn judge(run: &Path, exports: &Path, rate: &str, formats: &[&str]) -> Option
     Some(verdict(&mut command))
 }
 
-/// Judges every tick of MATLAB's file and HDF5 in Octave.
+/// Judges every tick of MATLAB's files and HDF5 in Octave.
 pub fn judge_in_octave(run: &Path, exports: &Path) -> Option<String> {
     let mut command = Command::new(octave()?);
     command.args(["--quiet", "--norc"]);

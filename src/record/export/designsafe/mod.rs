@@ -14,7 +14,7 @@
 
 mod files;
 mod readme;
-mod test;
+pub(super) mod test;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};

@@ -1,13 +1,14 @@
-//! The table as Apache Parquet, which pandas, Polars, DuckDB, R and MATLAB read.
+//! A table as Apache Parquet, which pandas, Polars, DuckDB, R and MATLAB read.
 //!
-//! Columns are typed, a missing value is null, and nothing is compressed. The key `gusset.columns` of the file's metadata has
-//! the name, unit, type and meaning of each column as JSON. Rows are written in groups, and only one group is in memory.
+//! Columns are typed, a missing value is null, and the pages are compressed (GZIP, by `flate2`, which HDR histograms need anyway).
+//! The key `gusset.columns` of the file's metadata has the name, unit, type and meaning of each column as JSON. Rows are written in
+//! groups, and only one group is in memory.
 
 use std::io::{self, BufWriter};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use parquet::basic::{LogicalType, Repetition, Type as Physical};
+use parquet::basic::{Compression, GzipLevel, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::metadata::KeyValue;
@@ -15,9 +16,8 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{ColumnPath, Type};
 
-use super::cell::{Cell, CellKind, TableColumn};
-use super::{CampaignError, at};
-use gusset_record::atomic::AtomicFile;
+use crate::atomic::AtomicFile;
+use crate::cell::{Cell, CellKind, TableColumn};
 
 /// Most values in memory.
 const MOST_VALUES: usize = 1 << 20;
@@ -38,8 +38,7 @@ struct Column {
 }
 
 /// A Parquet file that is being written.
-pub(super) struct ParquetTable {
-    path: PathBuf,
+pub struct ParquetTable {
     writer: SerializedFileWriter<BufWriter<AtomicFile>>,
     columns: Vec<Column>,
     rows: usize,
@@ -47,10 +46,17 @@ pub(super) struct ParquetTable {
 }
 
 impl ParquetTable {
-    /// Begins the file that will appear at `path`.
-    pub(crate) fn create(path: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
-        let file = AtomicFile::create(path).map_err(at(path))?;
-        let writer = begun(file, columns).map_err(refused(path))?;
+    /// Begins the file that will appear at `path`. Its metadata gets these pairs too, `gusset.` before each key.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn create(
+        path: &Path,
+        columns: &[TableColumn],
+        metadata: Vec<(&'static str, String)>,
+    ) -> io::Result<Self> {
+        let file = AtomicFile::create(path)?;
+        let writer = begun(file, columns, metadata).map_err(system)?;
         let empty = columns.iter().map(|column| Column {
             values: match column.kind {
                 CellKind::Integer => Values::Integers(Vec::new()),
@@ -60,7 +66,6 @@ impl ParquetTable {
             levels: Vec::new(),
         });
         Ok(Self {
-            path: path.to_owned(),
             writer,
             columns: empty.collect(),
             rows: 0,
@@ -69,7 +74,10 @@ impl ParquetTable {
     }
 
     /// Adds a row.
-    pub(crate) fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) -> io::Result<()> {
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             column.take(cell);
         }
@@ -81,21 +89,23 @@ impl ParquetTable {
     }
 
     /// Writes the rows in memory as a group.
-    fn flush(&mut self) -> Result<(), CampaignError> {
+    fn flush(&mut self) -> io::Result<()> {
         if self.rows > 0 {
             self.rows = 0;
-            let written = group(&mut self.writer, &mut self.columns);
-            written.map_err(refused(&self.path))?;
+            group(&mut self.writer, &mut self.columns).map_err(system)?;
         }
         Ok(())
     }
 
     /// Ends the file.
-    pub(crate) fn finish(mut self) -> Result<(), CampaignError> {
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn finish(mut self) -> io::Result<()> {
         self.flush()?;
-        let buffer = self.writer.into_inner().map_err(refused(&self.path))?;
+        let buffer = self.writer.into_inner().map_err(system)?;
         let file = buffer.into_inner().map_err(io::IntoInnerError::into_error);
-        file.and_then(AtomicFile::commit).map_err(at(&self.path))
+        file.and_then(AtomicFile::commit)
     }
 }
 
@@ -155,18 +165,23 @@ fn batch<T: DataType>(
 fn begun(
     file: AtomicFile,
     columns: &[TableColumn],
+    metadata: Vec<(&'static str, String)>,
 ) -> ParquetResult<SerializedFileWriter<BufWriter<AtomicFile>>> {
     let mut fields = Vec::new();
+    let of_columns = (
+        "columns",
+        serde_json::to_string(columns).unwrap_or_default(),
+    );
+    let pairs = metadata.into_iter().chain([of_columns]);
+    let pairs = pairs.map(|(key, value)| KeyValue::new(format!("gusset.{key}"), value));
     let mut properties = WriterProperties::builder()
         .set_created_by(format!("gusset {}", env!("CARGO_PKG_VERSION")))
         .set_statistics_enabled(EnabledStatistics::Chunk)
         // Indices of pages would stay in memory until the end.
         .set_offset_index_disabled(true)
         .set_dictionary_enabled(false)
-        .set_key_value_metadata(Some(vec![KeyValue::new(
-            "gusset.columns".to_owned(),
-            serde_json::to_string(columns).ok(),
-        )]));
+        .set_compression(Compression::GZIP(GzipLevel::default()))
+        .set_key_value_metadata(Some(pairs.collect()));
     for column in columns {
         let (physical, logical) = match column.kind {
             CellKind::Integer => (Physical::INT64, None),
@@ -187,12 +202,11 @@ fn begun(
     SerializedFileWriter::new(BufWriter::new(file), schema, properties)
 }
 
-fn refused(path: &Path) -> impl FnOnce(ParquetError) -> CampaignError + '_ {
-    |error| {
-        at(path)(match error {
-            ParquetError::External(source) => io::Error::other(source),
-            other => io::Error::other(other.to_string()),
-        })
+/// Error of the operating system, or else of the library.
+fn system(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(source) => io::Error::other(source),
+        other => io::Error::other(other.to_string()),
     }
 }
 
@@ -221,7 +235,7 @@ mod tests {
             column("number", CellKind::Number),
             column("text", CellKind::Text),
         ];
-        let mut table = ParquetTable::create(&path, &columns).unwrap();
+        let mut table = ParquetTable::create(&path, &columns, Vec::new()).unwrap();
         table.rows_per_group = 10;
         let numbers = [0.1, -0.0, f64::INFINITY, f64::MIN_POSITIVE / 4.0, 1e300];
         for row in 0..25_i64 {

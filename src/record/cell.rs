@@ -1,14 +1,12 @@
-//! Columns and values of the table, each with its kind.
+//! Columns and values of a table that is written, each with its kind.
 
 use std::borrow::Cow;
 
 use serde::Serialize;
 
-use gusset_config::Scalar;
-
-/// A column of the table.
+/// A column of a table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub(crate) struct TableColumn {
+pub struct TableColumn {
     /// Name, as in the first line of the table.
     pub name: String,
     /// SI unit, "1" for a pure number, "" for a text or where it is not known.
@@ -23,7 +21,7 @@ pub(crate) struct TableColumn {
 /// Kind of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum CellKind {
+pub enum CellKind {
     /// Integers of 64 bits.
     Integer,
     /// Floating-point numbers of 64 bits.
@@ -32,18 +30,23 @@ pub(crate) enum CellKind {
     Text,
 }
 
-/// One value of the table.
+/// One value of a table.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Cell {
+pub enum Cell {
+    /// No value.
     Missing,
+    /// An integer.
     Integer(i64),
+    /// A number.
     Number(f64),
+    /// A text.
     Text(String),
 }
 
 impl Cell {
     /// A number; one that does not exist is missing.
-    pub(crate) fn number(value: f64) -> Self {
+    #[must_use]
+    pub fn number(value: f64) -> Self {
         if value.is_nan() {
             Self::Missing
         } else {
@@ -51,24 +54,15 @@ impl Cell {
         }
     }
 
-    pub(crate) fn count(value: u64) -> Self {
-        // A campaign has at most 1e8 tasks.
+    /// A count, which stays far below the largest integer.
+    #[must_use]
+    pub fn count(value: u64) -> Self {
         Self::Integer(i64::try_from(value).unwrap_or(i64::MAX))
     }
 
-    /// A value of an axis in a column of kind `kind`.
-    pub(crate) fn of(value: &Scalar, kind: CellKind) -> Self {
-        match (kind, value) {
-            (CellKind::Integer, Scalar::Whole(value)) => Self::Integer(*value),
-            (CellKind::Number, Scalar::Whole(value)) => Self::Number(*value as f64),
-            (CellKind::Number, Scalar::Real(value)) => Self::number(*value),
-            (_, Scalar::Text(value)) => Self::Text(value.clone()),
-            (_, value) => Self::Text(value.toml()),
-        }
-    }
-
     /// The value as CSV: the shortest text that reads back as the same number, nothing for a missing value.
-    pub(crate) fn csv(&self) -> String {
+    #[must_use]
+    pub fn csv(&self) -> String {
         match self {
             Self::Missing => String::new(),
             Self::Integer(value) => value.to_string(),
@@ -88,7 +82,8 @@ fn inert(text: &str) -> Cow<'_, str> {
 }
 
 /// A text as CSV.
-pub(super) fn quoted(text: &str) -> String {
+#[must_use]
+pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
