@@ -230,6 +230,10 @@ impl std::fmt::Display for Notice {
                 f,
                 "the export lacks {events} events of `events.jsonl`: it has the first {MOST_OF_A_KIND} of each kind"
             ),
+            Self::Unfiled(keys) => write!(
+                f,
+                "an archive asks for {keys}: write it into [about] of the test file before the test, or into project.json and designsafe.json"
+            ),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
             Self::NotRecorded(columns) => write!(
                 f,

@@ -10,8 +10,9 @@
 //! | `analysis` | analysis | every channel with unit and meaning; scripts that read the log |
 //! | `report` | report | report.html |
 //!
-//! `project.json` lists every file with its size and SHA-256. What the run does not have is left out and said.
+//! `project.json` lists every file with its size and SHA-256, and `designsafe.json` has what DesignSafe asks for. What the run does not have is left out and said.
 
+mod entity;
 mod files;
 mod readme;
 pub(super) mod test;
@@ -22,6 +23,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use entity::{about, authors, entity, unfiled};
 use files::{copy, list};
 use readme::{CATEGORIES, readme};
 use test::Test;
@@ -98,7 +100,8 @@ pub(super) fn export(
             .map_err(|error| failed(error.into_error()))?;
         file.sync_all().map_err(failed)?;
     }
-    let exported = Exported::new(run, rows, &journal).of_table(&plan);
+    let mut exported = Exported::new(run, rows, &journal).of_table(&plan);
+    exported.notices.extend(unfiled(run));
     project.close(&test, &exported).map_err(failed)?;
     staging.commit(out).map_err(failed)?;
     Ok(exported)
@@ -258,6 +261,8 @@ impl Project<'_> {
                 .map(|name| format!("the run has no {name}")),
         );
         self.write("README.md", &readme(&test.title, self.run, &notes))?;
+        self.json("designsafe.json", &entity(test, self.run))?;
+        let about = about(self.run);
         let mut files = Vec::new();
         list(self.root, self.root, &mut files)?;
         files.sort_unstable_by(|a, b| a["path"].as_str().cmp(&b["path"].as_str()));
@@ -267,6 +272,11 @@ impl Project<'_> {
             &json!({
                 "title": test.title,
                 "project_type": "hybrid simulation",
+                "about": about,
+                "authors": authors(&about),
+                "licence": about["licence"],
+                "keywords": about["keywords"],
+                "origin": summary.map(|s| &s.origin),
                 "categories": CATEGORIES.map(|(folder, category, _)| json!({"folder": folder, "category": category})),
                 "specimens": test.specimens.iter().map(|(_, folder, _)| folder).collect::<Vec<_>>(),
                 "status": summary.map(|s| s.status),

@@ -1,5 +1,6 @@
 //! README of the project folder.
 
+use crate::origin::filed;
 use crate::run::Run;
 
 /// Folder, category, what it holds.
@@ -65,7 +66,11 @@ pub(super) fn readme(title: &str, run: &Run, notes: &[String]) -> String {
             summary.version
         ));
     }
-    text.push_str(".\n\n| folder | category | holds |\n|---|---|---|\n");
+    text.push_str(".\n\n");
+    for (key, said) in run.summary().map(filed).unwrap_or_default() {
+        text.push_str(&format!("- {}: {said}\n", key.replace('_', " ")));
+    }
+    text.push_str("\n| folder | category | holds |\n|---|---|---|\n");
     for (folder, category, holds) in CATEGORIES {
         text.push_str(&format!("| `{folder}` | {category} | {holds} |\n"));
     }
