@@ -25,6 +25,7 @@ const MOST_VALUES: usize = 1 << 20;
 const MOST_ROWS: usize = 1 << 16;
 
 /// The values of one column of a row group.
+#[derive(Debug)]
 enum Values {
     Integers(Vec<i64>),
     Numbers(Vec<f64>),
@@ -32,12 +33,14 @@ enum Values {
 }
 
 /// One column of a row group: its values, and a level for each row: 0 for a missing value, 1 for another.
+#[derive(Debug)]
 struct Column {
     values: Values,
     levels: Vec<i16>,
 }
 
 /// A Parquet file that is being written.
+#[derive(Debug)]
 pub struct ParquetTable {
     writer: SerializedFileWriter<BufWriter<AtomicFile>>,
     columns: Vec<Column>,

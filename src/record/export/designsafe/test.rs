@@ -6,7 +6,7 @@ use crate::folder::slug;
 use crate::run::Run;
 
 /// The parsed test file, if it is readable.
-pub(super) struct Test {
+pub(crate) struct Test {
     pub title: String,
     pub table: toml::Table,
     /// One per specimen: its number, its folder, its table.
