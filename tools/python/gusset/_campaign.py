@@ -195,9 +195,18 @@ class Campaign:
         return curves
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Copies the table into a DataFrame with one row for each test. Needs pandas."""
-        pandas = need("pandas")
-        return pandas.DataFrame({name: self.table[name] for name in self.table.dtype.names or ()}, copy=True)
+        """Copies the table into a DataFrame with one row for each test. Needs pandas.
+
+        `attrs["units"]` has the unit of each column by name, see `TableColumn.unit`.
+
+        Raises:
+            FolderError: There is no table yet.
+            ImportError: pandas is not installed.
+        """
+        package = need("pandas")
+        frame: pandas.DataFrame = package.DataFrame({name: self.table[name] for name in self.table.dtype.names or ()}, copy=True)
+        frame.attrs["units"] = {name: self.columns[name].unit for name in frame}
+        return frame
 
 
 def values(name: str, cells: list[str]) -> npt.NDArray[Any]:

@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from . import _toml
 from ._binary import binary
@@ -29,7 +29,7 @@ class Finding:
     """
 
     kind: str
-    severity: str
+    severity: Literal["error", "accepted", "warning"]
     key: str
     text: str
     numbers: dict[str, float | None]
@@ -52,7 +52,7 @@ class Check:
 
     findings: list[Finding]
     warnings: list[str]
-    outcome: str
+    outcome: Literal["clear", "accepted", "simulated", "refused"]
     errors: dict[str, Any] | None
     is_allowed: bool
     data: dict[str, Any]

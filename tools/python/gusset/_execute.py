@@ -10,7 +10,7 @@ import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from . import _toml
 from ._binary import binary
@@ -20,13 +20,14 @@ from ._process import execute
 from .specimen import Server, Specimen
 
 UNLIMITED = "Python specimen"
+Clock = Literal["real", "simulated"]
 
 
 def run(
     test: str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
-    clock: str | None = None,
+    clock: Clock | None = None,
     out: str | os.PathLike[str] | None = None,
     specimens: Mapping[str, Specimen] | None = None,
     confirm: bool = False,
@@ -59,7 +60,7 @@ def run(
         MissingBinary: The program `gusset` is not installed.
     """
     program, path = binary(), Path(test)
-    if clock not in (None, "real", "simulated"):
+    if clock not in (None, *get_args(Clock)):
         raise UsageError(f'clock {clock!r}: write "real" or "simulated"')
     config = _toml.read(path)
     chosen = dict(set or {})

@@ -133,6 +133,7 @@ def test_each_value_of_a_key_has_a_fragility_curve(done):
 def test_pandas_has_the_same_table(done):
     pandas = pytest.importorskip("pandas")
     table = done.to_pandas()
+    assert table.attrs["units"] == {name: column.unit for name, column in done.columns.items()}
     assert isinstance(table, pandas.DataFrame) and list(table.columns) == list(done.columns)
     assert table["max_drift"].to_numpy().tobytes() == done["max_drift"].tobytes()
     assert table.groupby("intensity")["max_drift"].count().tolist() == [12, 12, 12]

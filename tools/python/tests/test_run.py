@@ -110,11 +110,49 @@ def test_large_file_takes_no_memory(first, place):
 
 
 def test_optional_packages_are_named(first, monkeypatch):
-    for package, use in [("pandas", first.to_pandas), ("matplotlib", first.plot)]:
-        monkeypatch.setitem(sys.modules, package, None)
-        monkeypatch.setitem(sys.modules, f"{package}.pyplot", None)
+    for package, use in [("pandas", first.to_pandas), ("xarray", first.to_xarray), ("matplotlib", first.plot)]:
+        for module in [package, f"{package}.pyplot", f"{package}.figure"]:
+            monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(ImportError, match=f"needs {package}: pip install {package}"):
             use()
+    assert first._repr_png_() is None  # a notebook shows the text
+
+
+def test_tables_have_units(first):
+    frame = first.to_pandas()
+    assert set(frame.attrs["units"]) == {"time", *frame.columns}
+    assert all(unit == first.columns[name].unit for name, unit in frame.attrs["units"].items())
+    assert frame.attrs["units"]["x1"] == "m" and frame.attrs["units"]["force_1_1"] == "N"
+    assert first.to_pandas(["v2"]).attrs["units"] == {"time": "s", "v2": "m/s"}
+
+
+def test_dataset_has_time_and_units(first):
+    try:
+        import xarray
+    except ImportError:
+        skip("xarray is not installed")
+    dataset = first.to_xarray()
+    assert isinstance(dataset, xarray.Dataset) and dict(dataset.sizes) == {"time": len(first.step_rows())}
+    assert set(dataset.data_vars) == set(first.columns) - {"time"}
+    frame = first.to_pandas()
+    for name, variable in dataset.variables.items():
+        column = first.columns[name]
+        assert variable.attrs == {"units": column.unit, "long_name": column.meaning}
+        values = frame.index if name == "time" else frame[name]
+        assert variable.values.tobytes() == values.to_numpy().tobytes(), name
+    ticks = first.to_xarray(["time", "x2"], rate="tick")
+    assert list(ticks.data_vars) == ["x2"] and ticks.sizes["time"] == len(first)
+    ticks["x2"][0] = 1.0  # a copy
+    assert first["x2"][0] == 0
+    assert np.array_equal(ticks["x2"].sel(time=2.0), first["x2"][-1])
+
+
+def test_words_other_than_the_allowed_are_refused(first):
+    for table in [first.to_pandas, first.to_xarray]:
+        with pytest.raises(gusset.UsageError, match='rate \'steps\': write "step" or "tick"'):
+            table(rate="steps")
+        with pytest.raises(KeyError, match="no column 'y1'"):
+            table(["y1"])
 
 
 def test_columns_have_the_numbers_of_the_csv_export(first, place):
@@ -215,6 +253,7 @@ def test_row_cut_short_is_left_out(first, place):
 def test_empty_record_has_no_rows(first, place):
     for run in damaged(first, lambda data, stride: b""):
         assert len(run) == 0 and run.time.shape == (0,) and run["disp"].shape == (0, 2)
+        assert run._repr_png_().startswith(b"\x89PNG")
 
 
 def test_row_without_its_mark_ends_the_run(first, place):
@@ -306,6 +345,23 @@ def test_plot_draws_response_and_loops(first, place):
     assert (place / "run.png").read_bytes().startswith(b"\x89PNG")
     lines = figure.axes[1].get_lines()
     assert np.allclose(lines[1].get_ydata(), 1e3 * first["disp", 2])
+
+
+def test_notebook_shows_one_picture(first, monkeypatch):
+    from matplotlib import pyplot
+
+    before = pyplot.get_fignums()
+    picture = first._repr_png_()
+    assert picture.startswith(b"\x89PNG") and picture.count(b"IHDR") == 1
+    assert not any(hasattr(first, f"_repr_{kind}_") for kind in ("html", "svg", "jpeg", "mimebundle"))
+    assert pyplot.get_fignums() == before, "pyplot would show the figure, too"
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    first.plot()
+    assert pyplot.get_fignums() == before
+    monkeypatch.undo()
+    first.plot()
+    assert len(pyplot.get_fignums()) == len(before) + 1, "a script can show it"
+    pyplot.close()
 
 
 def test_octave_opens_the_folder(first):
