@@ -264,7 +264,7 @@ def campaign(
         out: For a study file: the campaign folder. Default: campaigns/<name of the study file>.
         jobs: Number of tests at the same time; the number of processors by default.
         prove: Tasks that are computed again to prove the results: a number, or a share such as "1%"; 20 by default.
-        quiet: Does not repeat progress and messages of the program on stderr.
+        quiet: Does not repeat progress and messages of the program on stderr. An error is in the exception alone.
 
     Raises:
         CampaignError: The exit code was not 0. It has `code`, `reason` and `campaign`.
@@ -286,7 +286,7 @@ def campaign(
     if done.is_interrupted:
         raise Interrupted(done.code, None, result)
     if done.code != 0 or result is None:
-        raise CampaignError(done.code, done.messages.strip() or "no message", result, done.messages)
+        raise CampaignError(done.code, done.error, result, done.messages)
     return result
 
 

@@ -16,6 +16,7 @@ import pytest
 import gusset
 from conftest import ROOT, skip
 from gusset._files import LinkCounts, Peak, Percentiles, Summary, TimingEntry
+from gusset._process import execute
 
 MULTI_RATE = ROOT / "config" / "multi-rate.toml"
 
@@ -337,6 +338,43 @@ def test_check_reports_findings(frame):
     with pytest.raises(gusset.RunError) as caught:
         gusset.check(frame, set={"time.rate": 4})
     assert caught.value.code == 2 and "rate_hz" in caught.value.reason
+
+
+def test_printed_check_has_ten_lines(frame):
+    result = gusset.check(frame)
+    assert str(result) == repr(result) == "Two storeys: clear, allowed, findings and warnings: 0"
+    result = gusset.check(frame, set={"integrator.lambda": 50, "structure.shear_building.stiffness_n_per_m": [0, 12e9]})
+    text = str(result)
+    lines = text.splitlines()
+    assert lines[0].startswith("Two storeys: simulated, not allowed") and "error: integrator.lambda: lambda = 50 is above" in text
+    result.findings.insert(0, gusset.Finding("units", "warning", "time", 99 * "long ", {}, []))
+    result.findings.extend(5 * result.findings)
+    result.data["title"] = 99 * "long "
+    for shown in [lines, str(result).splitlines()]:
+        assert 5 <= len(shown) <= 10 and max(map(len, shown)) <= 100
+        assert "more in `findings`" in shown[-1]
+    assert "error: integrator.lambda" in str(result), "errors come first"
+
+
+ENDS_WITH_ERROR = """
+import sys, time
+for piece in ["warning: a\\n", "xer", "ror: b\\n", "\\x1b[1", "m\\x1b[91merr", "or\\x1b[0m: b\\n = help: c\\n", "error: d\\n"]:
+    sys.stderr.write(piece), sys.stderr.flush(), time.sleep(0.05)
+sys.exit(int(sys.argv[1]))
+"""
+
+
+def test_error_is_not_repeated_on_stderr(frame, capfd):
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.run(frame, set={"time.rate": 4}, out="wrong")
+    assert caught.value.reason.startswith("unknown key `rate`") and str(caught.value).count("unknown key") == 1
+    assert "unknown key" in caught.value.messages and capfd.readouterr().err == ""
+    before, error = "warning: a\nxerror: b\n", "\x1b[1m\x1b[91merror\x1b[0m: b\n = help: c\nerror: d\n"
+    for code, shown in [(2, before), (0, before + error)]:
+        done = execute([sys.executable, "-c", ENDS_WITH_ERROR, str(code)], quiet=False)
+        assert capfd.readouterr().err == shown
+        assert done.messages == before + "error: b\n = help: c\nerror: d\n"
+        assert done.error == "b\n = help: c\nerror: d"
 
 
 def test_plot_draws_response_and_loops(first, place):
