@@ -29,10 +29,13 @@ class Outcome:
     """Its exit code; negative for a signal."""
     messages: str
     """Its text on stderr, without colours and progress."""
-    error: str
-    """The error in `messages`."""
     is_interrupted: bool
     """True if Ctrl-C was pressed."""
+
+    @property
+    def error(self) -> str:
+        """The error in `messages`, see `error_in`."""
+        return error_in(self.messages)
 
 
 def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Outcome:
@@ -65,7 +68,7 @@ def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Out
                 code, messages = process.wait(), plain("".join(pieces))
                 if code == 0 or is_interrupted:
                     show("".join(held))
-                return Outcome(code, messages, error_in(messages), is_interrupted)
+                return Outcome(code, messages, is_interrupted)
             except KeyboardInterrupt:
                 if process is None:
                     raise
