@@ -11,7 +11,7 @@ except ImportError:
     numpy = None
 
 
-def read(run_dir: str) -> dict:
+def read(run_dir: str) -> "dict[str, list[float]]":
     """Returns {column name: values}, up to the last complete row with a correct checksum."""
     with open(os.path.join(run_dir, "samples.json"), encoding="utf-8") as file:
         layout = json.load(file)
