@@ -30,7 +30,7 @@ def plot(run: Run, file: str | os.PathLike[str] | None) -> matplotlib.figure.Fig
 
 
 def picture(run: Run) -> bytes:
-    """The same picture as PNG. pyplot does not know its figure, so a notebook does not show it twice."""
+    """The picture of `plot` as PNG. pyplot does not know its figure, so a notebook does not show it twice."""
     file = io.BytesIO()
     draw(run, need("matplotlib.figure").Figure).savefig(file, format="png", dpi=100)
     return file.getvalue()

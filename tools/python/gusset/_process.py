@@ -92,7 +92,7 @@ def plain(text: str) -> str:
 
 
 def error_in(messages: str) -> str:
-    """The error with which the program ended, or all messages if there is none."""
+    """The error with which the program ended, or all messages without such an error."""
     found = ERROR.search(messages)
     return (messages[found.end() :] if found else messages).strip() or "no message"
 
