@@ -32,7 +32,7 @@ def read(run_dir: str) -> "dict[str, Any]":
     if numpy and count:
         rows = numpy.memmap(path, numpy.dtype(layout["numpy_dtype"]), "r", shape=(count,))
         return {name: rows[name] for name in ["sequence"] + names}
-    found = list(struct.iter_unpack("<Q%ddI4s" % len(names), data[: count * stride]))
+    found = list(struct.iter_unpack(f"<Q{len(names)}dI4s", data[: count * stride]))
     return {name: [row[place] for row in found] for place, name in enumerate(["sequence"] + names)}
 
 

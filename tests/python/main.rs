@@ -36,9 +36,11 @@ fn the_python_code_keeps_its_style() {
         return;
     };
     let ruff = python.parent().unwrap().join("ruff");
-    let code = Path::new(ROOT).join("tools/python");
-    for arguments in [["check", "--no-cache"], ["format", "--check"]] {
-        done(Command::new(&ruff).args(arguments).arg(&code));
+    for arguments in [
+        ["check", "--no-cache", "."],
+        ["format", "--check", "tools/python"],
+    ] {
+        done(Command::new(&ruff).args(arguments).current_dir(ROOT));
     }
 }
 
