@@ -3,15 +3,20 @@
 
     read_samples.py RUN_DIR [COLUMN ...]      prints the columns (all by default), one line per sound row
 """
-import json, os, struct, sys, zlib
+import json
+import os
+import struct
+import sys
+import zlib
+from typing import Any
 
 try:
     import numpy
 except ImportError:
-    numpy = None
+    numpy = None  # type: ignore[assignment, unused-ignore]
 
 
-def read(run_dir):
+def read(run_dir: str) -> "dict[str, Any]":
     """Returns {column name: values}, up to the last complete row with a correct checksum."""
     with open(os.path.join(run_dir, "samples.json"), encoding="utf-8") as file:
         layout = json.load(file)
@@ -27,8 +32,8 @@ def read(run_dir):
     if numpy and count:
         rows = numpy.memmap(path, numpy.dtype(layout["numpy_dtype"]), "r", shape=(count,))
         return {name: rows[name] for name in ["sequence"] + names}
-    rows = list(struct.iter_unpack("<Q%ddI4s" % len(names), data[: count * stride]))
-    return {name: [row[place] for row in rows] for place, name in enumerate(["sequence"] + names)}
+    found = list(struct.iter_unpack(f"<Q{len(names)}dI4s", data[: count * stride]))
+    return {name: [row[place] for row in found] for place, name in enumerate(["sequence"] + names)}
 
 
 if __name__ == "__main__":

@@ -36,21 +36,23 @@ fn the_python_code_keeps_its_style() {
         return;
     };
     let ruff = python.parent().unwrap().join("ruff");
-    let code = Path::new(ROOT).join("tools/python");
-    for arguments in [["check", "--no-cache"], ["format", "--check"]] {
-        done(Command::new(&ruff).args(arguments).arg(&code));
+    for arguments in [
+        ["check", "--no-cache", "."],
+        ["format", "--check", "tools/python"],
+    ] {
+        done(Command::new(&ruff).args(arguments).current_dir(ROOT));
     }
 }
 
 #[test]
 fn the_wheel_works_in_a_clean_environment() {
-    let Some(python) = python() else {
+    let Some(builder) = python() else {
         return;
     };
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     let tests = Path::new(ROOT).join("tools/python/tests");
-    let bin = python.parent().unwrap();
+    let bin = builder.parent().unwrap();
     // maturin packs the program of these tests. It would compile another one, with other features of the dependencies.
     // It moves the file that it packs, so it gets a copy.
     let program = at.join("program/gusset");
@@ -71,7 +73,7 @@ fn the_wheel_works_in_a_clean_environment() {
         .collect();
     assert_eq!(wheels.len(), 1, "{wheels:?}");
     let venv = at.join("venv");
-    done(Command::new(&python).args(["-m", "venv"]).arg(&venv));
+    done(Command::new(&builder).args(["-m", "venv"]).arg(&venv));
     let python = venv.join("bin/python");
     let wheel = format!("{}[test]", wheels[0].display());
     done(Command::new(&python).args([
@@ -88,6 +90,7 @@ fn the_wheel_works_in_a_clean_environment() {
             .arg(&tests)
             .current_dir(at)
             .env("GUSSET_WHEEL_TEST", "1")
+            .env("GUSSET_MATURIN_PYTHON", &builder)
             .env("GUSSET_STATE", at.join("state"))
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env_remove("GUSSET_BINARY")

@@ -13,9 +13,9 @@ error is on stderr. Needs Python 3.11.
 import argparse
 import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
+import tomllib
 from hyperqueue import Client, Job, LocalCluster
 from hyperqueue.cluster import WorkerConfig
 

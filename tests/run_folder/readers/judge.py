@@ -3,12 +3,16 @@
 
     judge.py TOOLS RUN_DIR EXPORTS step|tick FORMAT...      EXPORTS/run.<format>; says "judged" and how many columns and rows
 """
-import json, os, sys, zipfile
+import json
+import os
+import sys
+import zipfile
+
 import numpy
 
 tools, run_dir, exports, rate, *formats = sys.argv[1:]
 sys.path.insert(0, tools)
-import read_samples
+import read_samples  # noqa: E402
 
 log = read_samples.read(run_dir)
 layout = json.load(open(os.path.join(run_dir, "samples.json"), encoding="utf-8"))
@@ -71,7 +75,8 @@ def npz(path):
     assert zipfile.ZipFile(path).testzip() is None
     with numpy.load(path) as d:
         names = list(d["columns"])
-        of = lambda key: dict(zip(names, map(str, d[key])))
+        def of(key):
+            return dict(zip(names, map(str, d[key])))
         assert str(d["summary"]) == summary
         own = ("columns", "units", "meanings", "summary")
         found = {name: d[name] for name in d.files if name not in own}
@@ -113,7 +118,8 @@ def mat73(path):
             return made[:, 0]
 
         own = ("units", "meanings", "summary", "metadata")
-        of = lambda key: {n: value(data) for n, data in h[key].items()}
+        def of(key):
+            return {n: value(data) for n, data in h[key].items()}
         assert value(h["summary"]) == summary
         assert_metadata({key: value(data) for key, data in h["metadata"].items()} | {"summary": summary})
         found = {n: value(data) for n, data in h.items() if n not in own}
@@ -128,7 +134,8 @@ def hdf5(path):
         assert set(h) == {"samples", "timing"} and set(h["timing"]) == timing
         assert_metadata({"summary": ""} | dict(h.attrs))
         found = {name: data for group in h.values() for name, data in group.items()}
-        of = lambda key: {name: data.attrs[key] for name, data in found.items()}
+        def of(key):
+            return {name: data.attrs[key] for name, data in found.items()}
         assert all(data.chunks is None for data in found.values())
         same("hdf5", {name: data[()] for name, data in found.items()}, of("unit"), of("meaning"))
 

@@ -195,9 +195,18 @@ class Campaign:
         return curves
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Copies the table into a DataFrame with one row for each test. Needs pandas."""
-        pandas = need("pandas")
-        return pandas.DataFrame({name: self.table[name] for name in self.table.dtype.names or ()}, copy=True)
+        """Copies the table into a DataFrame with one row for each test. Needs pandas.
+
+        `attrs["units"]` has the unit of each column by name, see `TableColumn.unit`.
+
+        Raises:
+            FolderError: There is no table yet.
+            ImportError: pandas is not installed.
+        """
+        package = need("pandas")
+        frame: pandas.DataFrame = package.DataFrame({name: self.table[name] for name in self.table.dtype.names or ()}, copy=True)
+        frame.attrs["units"] = {name: self.columns[name].unit for name in frame}
+        return frame
 
 
 def values(name: str, cells: list[str]) -> npt.NDArray[Any]:
@@ -255,7 +264,7 @@ def campaign(
         out: For a study file: the campaign folder. Default: campaigns/<name of the study file>.
         jobs: Number of tests at the same time; the number of processors by default.
         prove: Tasks that are computed again to prove the results: a number, or a share such as "1%"; 20 by default.
-        quiet: Does not repeat progress and messages of the program on stderr.
+        quiet: Does not repeat progress and messages of the program on stderr. An error is in the exception alone.
 
     Raises:
         CampaignError: The exit code was not 0. It has `code`, `reason` and `campaign`.
@@ -277,7 +286,7 @@ def campaign(
     if done.is_interrupted:
         raise Interrupted(done.code, None, result)
     if done.code != 0 or result is None:
-        raise CampaignError(done.code, done.messages.strip() or "no message", result, done.messages)
+        raise CampaignError(done.code, done.error, result, done.messages)
     return result
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from . import _toml
 from ._binary import binary
 from ._errors import RunError
+from ._process import error_in
+
+MOST_LINES, WIDTH = 10, 100  # of a printed check
+Severity = Literal["error", "accepted", "warning"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class Finding:
     """
 
     kind: str
-    severity: str
+    severity: Severity
     key: str
     text: str
     numbers: dict[str, float | None]
@@ -52,10 +57,26 @@ class Check:
 
     findings: list[Finding]
     warnings: list[str]
-    outcome: str
+    outcome: Literal["clear", "accepted", "simulated", "refused"]
     errors: dict[str, Any] | None
     is_allowed: bool
     data: dict[str, Any]
+
+    def __repr__(self) -> str:
+        """The outcome, the findings from errors to warnings, and further warnings, in at most ten lines of 100 characters."""
+        findings = sorted(self.findings, key=lambda found: get_args(Severity).index(found.severity))
+        texts = [f"{found.severity}: {found.key}: {'; '.join([found.text, *found.help])}" for found in findings]
+        own = {found.text for found in findings}
+        texts += [f"warning: {text}" for text in self.warnings if text not in own]
+        verdict = f"{self.outcome}, {'allowed' if self.is_allowed else 'not allowed'}, findings and warnings: {len(texts)}"
+        lines = textwrap.wrap(f"{self.data['title']}: {verdict}", WIDTH, max_lines=2)
+        for place, text in enumerate(texts):
+            wrapped = textwrap.wrap(text, WIDTH, subsequent_indent="  ", max_lines=3, placeholder=" …")
+            if len(lines) + len(wrapped) + (place + 1 < len(texts)) > MOST_LINES:
+                lines.append(f"{len(texts) - place} more in `findings` and `warnings`")
+                break
+            lines += wrapped
+        return "\n".join(lines)
 
 
 def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None, rehearse: bool = False) -> Check:
@@ -74,7 +95,7 @@ def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None,
         arguments.append("--rehearse")
     done = subprocess.run([binary(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout.strip():
-        raise RunError(done.returncode, done.stderr.strip(), None, done.stderr)
+        raise RunError(done.returncode, error_in(done.stderr), None, done.stderr)
     data = json.loads(done.stdout)
     verdict = data["verdict"]
     findings = [Finding(**{name: found[name] for name in Finding.__dataclass_fields__}) for found in verdict["findings"]]

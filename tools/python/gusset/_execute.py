@@ -10,23 +10,24 @@ import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from . import _toml
 from ._binary import binary
 from ._errors import Interrupted, RunError, UsageError
 from ._folder import FolderError, Run
-from ._process import execute
+from ._process import Outcome, execute
 from .specimen import Server, Specimen
 
 UNLIMITED = "Python specimen"
+Clock = Literal["real", "simulated"]
 
 
 def run(
     test: str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
-    clock: str | None = None,
+    clock: Clock | None = None,
     out: str | os.PathLike[str] | None = None,
     specimens: Mapping[str, Specimen] | None = None,
     confirm: bool = False,
@@ -47,7 +48,7 @@ def run(
             and the test file must have limits for them.
         confirm: Confirms the sensor readings before anything moves, without showing them. A test that asks for a confirmation
             (`confirm` in [safety], or a relative zero) is refused otherwise. Look at the readings first: `gusset run` shows them.
-        quiet: Does not repeat the warnings of `gusset run` on stderr.
+        quiet: Does not repeat the warnings of `gusset run` on stderr. An error is in the exception alone.
 
     Returns:
         The run folder of a completed test. Everything else raises an exception.
@@ -59,7 +60,7 @@ def run(
         MissingBinary: The program `gusset` is not installed.
     """
     program, path = binary(), Path(test)
-    if clock not in (None, "real", "simulated"):
+    if clock not in (None, *get_args(Clock)):
         raise UsageError(f'clock {clock!r}: write "real" or "simulated"')
     config = _toml.read(path)
     chosen = dict(set or {})
@@ -85,7 +86,7 @@ def run(
     if done.is_interrupted:
         raise Interrupted(done.code, result)
     if done.code != 0:
-        raise error_of(done.code, done.messages, result, servers)
+        raise error_of(done, result, servers)
     if result is None:
         raise RunError(done.code, f"{folder} has no samples", None, done.messages)
     return result
@@ -197,16 +198,18 @@ def opened(folder: Path) -> Run | None:
         return None
 
 
-def error_of(code: int, messages: str, result: Run | None, servers: Mapping[str, Server]) -> RunError:
+def error_of(done: Outcome, result: Run | None, servers: Mapping[str, Server]) -> RunError:
     """The exception of a test that did not complete, with the exception of a specimen as its cause."""
-    reason = (result.reason if result is not None else None) or messages.strip() or "no message"
+    reason = (result.reason if result is not None else None) or done.error
     for name, server in servers.items():
         if server.error is not None:
-            reason = f"the specimen {name!r} raised {type(server.error).__name__}: {server.error}\n{reason}"
-            error = RunError(code, reason, result, messages)
+            kind = type(server.error).__name__
+            raised = f"the specimen {name!r} raised {kind}: {server.error}"
+            # The specimen said this to the program, too, and the program repeats it in its reason.
+            error = RunError(done.code, raised if kind in reason else f"{raised}\n{reason}", result, done.messages)
             error.__cause__ = server.error
             return error
-    return RunError(code, reason, result, messages)
+    return RunError(done.code, reason, result, done.messages)
 
 
 def write_traceback(folder: Path, name: str, error: BaseException) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, TypedDict
+from typing import Any, Literal, Optional, TypedDict
 
+Status = Literal["completed", "stopped", "interrupted", "failed"]
 Numbers = list[Optional[float]]
 
 
@@ -56,7 +57,7 @@ class LinkCounts(TypedDict):
 Summary = TypedDict(
     "Summary",
     {
-        "status": str,
+        "status": Status,
         "reason": str,
         "steps": int,
         "dt": float,

@@ -14,20 +14,23 @@ import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _toml
-from ._errors import GussetError
-from ._files import Summary
+from ._errors import GussetError, UsageError
+from ._files import Status, Summary
 
 if TYPE_CHECKING:
     import matplotlib.figure
     import pandas
+    import xarray
 
 Array = npt.NDArray[np.float64]
+Quantity = Literal["disp", "vel", "acc", "displacement", "velocity", "acceleration"]
+Rate = Literal["step", "tick"]
 
 MARK = int.from_bytes(b"ROW\n", "little")
 BLOCK = 1 << 22  # bytes of the file that are read at a time
@@ -210,7 +213,7 @@ class Run:
         """Number of ticks."""
         return len(range(self._span.start, self._span.stop))
 
-    def __getitem__(self, key: str | tuple[str, int]) -> Array:
+    def __getitem__(self, key: str | tuple[Quantity, int]) -> Array:
         """One column, or the response of degrees of freedom.
 
         `run["force_1_1"]` is a column by its name, see `columns`. `run["disp", 3]` is the displacement of degree of freedom 3
@@ -359,7 +362,7 @@ class Run:
                     is_whole = rest.endswith(b"\n")
 
     @property
-    def status(self) -> str | None:
+    def status(self) -> Status | None:
         """How the test ended: "completed", "stopped", "interrupted" or "failed"; None without a summary."""
         return self.summary.get("status")
 
@@ -382,32 +385,83 @@ class Run:
         step = self._column("step")[ends]
         return ends[np.append(step[1:] != step[:-1], True)] if len(step) else ends
 
-    def to_pandas(self, columns: Iterable[str] | None = None, *, rate: str = "step") -> pandas.DataFrame:
+    def to_pandas(self, columns: Iterable[str] | None = None, *, rate: Rate = "step") -> pandas.DataFrame:
         """Copies columns into a DataFrame, with the test time in s as its index. Needs pandas.
+
+        `attrs["units"]` has the unit of each column and of the index by name, for example "m" for "x1".
 
         Args:
             columns: Names of columns; all by default.
             rate: "step" has the rows of `gusset export`, one for each step. "tick" has all ticks.
+
+        Raises:
+            KeyError: There is no such column.
+            UsageError: Another word for `rate`.
+            ImportError: pandas is not installed.
         """
-        if rate not in ("step", "tick"):
-            raise ValueError(f'rate {rate!r}: write "step" or "tick"')
-        pandas = need("pandas")
+        package = need("pandas")
+        time, data = self._copied(columns, rate)
+        frame: pandas.DataFrame = package.DataFrame(data, index=package.Index(time, name="time"))
+        frame.attrs["units"] = {name: self.columns[name].unit for name in ("time", *data)}
+        return frame
+
+    def to_xarray(self, columns: Iterable[str] | None = None, *, rate: Rate = "step") -> xarray.Dataset:
+        """Copies columns into a Dataset, with the test time in s as the coordinate "time". Needs xarray.
+
+        Each column is a variable of shape (time,). The attributes `units` and `long_name` of each variable, and of "time", are the
+        unit and the meaning of the column.
+
+        Args:
+            columns: Names of columns; all by default.
+            rate: "step" has the rows of `gusset export`, one for each step. "tick" has all ticks.
+
+        Raises:
+            KeyError: There is no such column.
+            UsageError: Another word for `rate`.
+            ImportError: xarray is not installed.
+        """
+        package = need("xarray")
+        time, data = self._copied(columns, rate)
+
+        def variable(name: str, values: Array) -> tuple[str, Array, dict[str, str]]:
+            return "time", values, {"units": self.columns[name].unit, "long_name": self.columns[name].meaning}
+
+        series = {name: variable(name, values) for name, values in data.items()}
+        dataset: xarray.Dataset = package.Dataset(series, coords={"time": variable("time", time)})
+        return dataset
+
+    def _copied(self, columns: Iterable[str] | None, rate: Rate) -> tuple[Array, dict[str, Array]]:
+        """Copies of the test time and of columns by name, at this rate."""
+        if rate not in get_args(Rate):
+            raise UsageError(f'rate {rate!r}: write "step" or "tick"')
         names = list(self.columns) if columns is None else list(columns)
-        rows = self.step_rows() if rate == "step" else slice(None)
+        rows = self.step_rows() if rate == "step" else np.arange(len(self))
         block = self._block([self._known(name) for name in names])
         data = {name: block[rows, place] for place, name in enumerate(names) if name != "time"}
-        return pandas.DataFrame(data, index=pandas.Index(self.time[rows], name="time"), copy=True)
+        return self.time[rows], data
 
     def plot(self, file: str | os.PathLike[str] | None = None) -> matplotlib.figure.Figure:
         """Draws the ground motion, the displacements, and force over displacement of each specimen. Needs matplotlib.
 
         Args:
             file: Where to save the picture (PNG, SVG or PDF by its ending). Without it, the figure is only returned: a notebook
-                shows it, and in a script `matplotlib.pyplot.show()` does.
+                shows it as the value of a cell, and in a script `matplotlib.pyplot.show()` does.
+
+        Raises:
+            ImportError: matplotlib is not installed.
         """
         from ._plot import plot
 
         return plot(self, file)
+
+    def _repr_png_(self) -> bytes | None:
+        """The picture of `plot`, with which a notebook shows the run; None without matplotlib."""
+        from ._plot import picture
+
+        try:
+            return picture(self)
+        except ImportError:
+            return None
 
 
 class RunSpecimen:

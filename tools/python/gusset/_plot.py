@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +21,23 @@ MOST_DOFS = 6
 def plot(run: Run, file: str | os.PathLike[str] | None) -> matplotlib.figure.Figure:
     """See `Run.plot`."""
     pyplot = need("matplotlib.pyplot")
+    figure = draw(run, pyplot.figure)
+    if file is not None:
+        figure.savefig(file, dpi=150)
+    if "inline" in pyplot.get_backend():
+        pyplot.close(figure)  # the notebook shows the figure that the cell returns; pyplot would show it once more
+    return figure
+
+
+def picture(run: Run) -> bytes:
+    """The picture of `plot` as PNG. pyplot does not know its figure, so a notebook does not show it twice."""
+    file = io.BytesIO()
+    draw(run, need("matplotlib.figure").Figure).savefig(file, format="png", dpi=100)
+    return file.getvalue()
+
+
+def draw(run: Run, new: Callable[..., matplotlib.figure.Figure]) -> matplotlib.figure.Figure:
+    """Draws a run on a figure from `new`."""
     time = run.time
     histories: list[tuple[str, str, list[tuple[str, Any]]]] = []
     if len(time) and np.any(run.ground):
@@ -36,7 +55,7 @@ def plot(run: Run, file: str | os.PathLike[str] | None) -> matplotlib.figure.Fig
         histories.append(("displacement", "m", [(name, disp) for name, disp, _ in loops]))
     rows = len(histories)
     count = max(1, len(loops))
-    figure: matplotlib.figure.Figure = pyplot.figure(figsize=(9, 2.4 * rows + 3.4), layout="constrained")
+    figure = new(figsize=(9, 2.4 * rows + 3.4), layout="constrained")
     grid = figure.add_gridspec(rows + 1, count, height_ratios=[1.0] * rows + [1.5])
     first = None
     for row, (label, unit, curves) in enumerate(histories):
@@ -55,8 +74,6 @@ def plot(run: Run, file: str | os.PathLike[str] | None) -> matplotlib.figure.Fig
         axes.set(title=name, xlabel=f"measured displacement ({x_prefix}m)", ylabel=f"force ({y_prefix}N)")
         axes.grid(alpha=0.3)
     figure.suptitle(str(run.config.get("title", run.folder.name)))
-    if file is not None:
-        figure.savefig(file, dpi=150)
     return figure
 
 

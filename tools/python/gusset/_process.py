@@ -15,6 +15,10 @@ from dataclasses import dataclass
 # A progress bar of the program: lines that are drawn over themselves.
 DRAWING = re.compile(r"(\r\x1b\[\d+A)?\x1b\[\?7l.*?\x1b\[\?7h", re.DOTALL)
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+LINE_END = re.compile(r"[\n\r]|\x1b\[\?7h")
+HALF_COLOUR = re.compile(r"\x1b(\[[0-9;]*m?)?")
+# The error with which the program ends. Everything after it belongs to it.
+ERROR = re.compile(r"(?:^|\r|(?<=\x1b\[\?7h))(?:\x1b\[[0-9;]*m)*error(?:\x1b\[[0-9;]*m)*:", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -28,14 +32,20 @@ class Outcome:
     is_interrupted: bool
     """True if Ctrl-C was pressed."""
 
+    @property
+    def error(self) -> str:
+        """The error in `messages`, see `error_in`."""
+        return error_in(self.messages)
+
 
 def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Outcome:
-    """Runs the program to its end.
+    """Runs the program to its end, and repeats its text on stderr, but not an error that the caller raises as an exception.
 
     The program has its own session, so Ctrl-C in a terminal reaches it once, through this function. With `progress`, it draws
     its progress where stderr is a terminal.
     """
     pieces: list[str] = []
+    held: list[str] = []
     is_interrupted = False
     process: subprocess.Popen[bytes] | None = None
     reader: threading.Thread | None = None
@@ -50,12 +60,15 @@ def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Out
                     given, theirs = theirs, -1
                     os.close(given)  # so that the stream ends with the program
                 if reader is None:
-                    thread = threading.Thread(target=forward, args=(ours, pieces, quiet, is_over), daemon=True)
+                    thread = threading.Thread(target=forward, args=(ours, pieces, held, quiet, is_over), daemon=True)
                     thread.start()
                     reader = thread
                 # The stream ends with the program. `wait` alone would delay the signal by 0.25 s.
                 is_over.wait()
-                return Outcome(process.wait(), plain("".join(pieces)), is_interrupted)
+                code, messages = process.wait(), plain("".join(pieces))
+                if code == 0 or is_interrupted:
+                    show("".join(held))
+                return Outcome(code, messages, is_interrupted)
             except KeyboardInterrupt:
                 if process is None:
                     raise
@@ -76,6 +89,20 @@ def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Out
 def plain(text: str) -> str:
     """A text from a terminal without progress and colours."""
     return COLOUR.sub("", DRAWING.sub("", text))
+
+
+def error_in(messages: str) -> str:
+    """The error with which the program ended, or all messages without such an error."""
+    found = ERROR.search(messages)
+    return (messages[found.end() :] if found else messages).strip() or "no message"
+
+
+def show(text: str) -> None:
+    """Writes a text on stderr, if there is one."""
+    if text and sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
 
 
 def started(arguments: list[str], stderr: int) -> subprocess.Popen[bytes]:
@@ -105,9 +132,10 @@ def terminal() -> tuple[int, int]:
     return ours, theirs
 
 
-def forward(descriptor: int, pieces: list[str], quiet: bool, is_over: threading.Event) -> None:
-    """Keeps all text of a stream, and repeats it on stderr. Closes the stream at its end."""
+def forward(descriptor: int, pieces: list[str], held: list[str], quiet: bool, is_over: threading.Event) -> None:
+    """Keeps all text of a stream, and repeats it on stderr up to the error, which goes to `held`. Closes the stream at its end."""
     decoder = codecs.getincrementaldecoder("utf-8")("replace")
+    text = ""  # that is not yet repeated
     try:
         data = b"?"
         while data:
@@ -115,12 +143,18 @@ def forward(descriptor: int, pieces: list[str], quiet: bool, is_over: threading.
                 data = os.read(descriptor, 65536)
             except OSError:  # the end of a pseudo-terminal
                 data = b""
-            text = decoder.decode(data, not data)
-            pieces.append(text)
-            if not quiet and sys.stderr is not None:
-                with contextlib.suppress(OSError, ValueError):
-                    sys.stderr.write(text)
-                    sys.stderr.flush()
+            pieces.append(decoder.decode(data, not data))
+            if quiet:
+                continue
+            text += pieces[-1]
+            found = ERROR.search(text)
+            # A last line that may become "error:" waits for its next piece.
+            line = LINE_END.split(text)[-1]
+            may_become = data and "error:".startswith(HALF_COLOUR.sub("", line))
+            end = found.start() if found else len(text) - (len(line) if may_become else 0)
+            show(text[:end])
+            text = text[end:]
+        held.append(text)
     finally:
         os.close(descriptor)
         is_over.set()

@@ -16,6 +16,7 @@ import pytest
 import gusset
 from conftest import ROOT, skip
 from gusset._files import LinkCounts, Peak, Percentiles, Summary, TimingEntry
+from gusset._process import execute
 
 MULTI_RATE = ROOT / "config" / "multi-rate.toml"
 
@@ -110,11 +111,49 @@ def test_large_file_takes_no_memory(first, place):
 
 
 def test_optional_packages_are_named(first, monkeypatch):
-    for package, use in [("pandas", first.to_pandas), ("matplotlib", first.plot)]:
-        monkeypatch.setitem(sys.modules, package, None)
-        monkeypatch.setitem(sys.modules, f"{package}.pyplot", None)
+    for package, use in [("pandas", first.to_pandas), ("xarray", first.to_xarray), ("matplotlib", first.plot)]:
+        for module in [package, f"{package}.pyplot", f"{package}.figure"]:
+            monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(ImportError, match=f"needs {package}: pip install {package}"):
             use()
+    assert first._repr_png_() is None  # a notebook shows the text
+
+
+def test_tables_have_units(first):
+    frame = first.to_pandas()
+    assert set(frame.attrs["units"]) == {"time", *frame.columns}
+    assert all(unit == first.columns[name].unit for name, unit in frame.attrs["units"].items())
+    assert frame.attrs["units"]["x1"] == "m" and frame.attrs["units"]["force_1_1"] == "N"
+    assert first.to_pandas(["v2"]).attrs["units"] == {"time": "s", "v2": "m/s"}
+
+
+def test_dataset_has_time_and_units(first):
+    try:
+        import xarray
+    except ImportError:
+        skip("xarray is not installed")
+    dataset = first.to_xarray()
+    assert isinstance(dataset, xarray.Dataset) and dict(dataset.sizes) == {"time": len(first.step_rows())}
+    assert set(dataset.data_vars) == set(first.columns) - {"time"}
+    frame = first.to_pandas()
+    for name, variable in dataset.variables.items():
+        column = first.columns[name]
+        assert variable.attrs == {"units": column.unit, "long_name": column.meaning}
+        values = frame.index if name == "time" else frame[name]
+        assert variable.values.tobytes() == values.to_numpy().tobytes(), name
+    ticks = first.to_xarray(["time", "x2"], rate="tick")
+    assert list(ticks.data_vars) == ["x2"] and ticks.sizes["time"] == len(first)
+    ticks["x2"][0] = 1.0  # a copy
+    assert first["x2"][0] == 0
+    assert np.array_equal(ticks["x2"].sel(time=2.0), first["x2"][-1])
+
+
+def test_words_other_than_the_allowed_are_refused(first):
+    for table in [first.to_pandas, first.to_xarray]:
+        with pytest.raises(gusset.UsageError, match='rate \'steps\': write "step" or "tick"'):
+            table(rate="steps")
+        with pytest.raises(KeyError, match="no column 'y1'"):
+            table(["y1"])
 
 
 def test_columns_have_the_numbers_of_the_csv_export(first, place):
@@ -215,6 +254,7 @@ def test_row_cut_short_is_left_out(first, place):
 def test_empty_record_has_no_rows(first, place):
     for run in damaged(first, lambda data, stride: b""):
         assert len(run) == 0 and run.time.shape == (0,) and run["disp"].shape == (0, 2)
+        assert run._repr_png_().startswith(b"\x89PNG")
 
 
 def test_row_without_its_mark_ends_the_run(first, place):
@@ -300,12 +340,66 @@ def test_check_reports_findings(frame):
     assert caught.value.code == 2 and "rate_hz" in caught.value.reason
 
 
+def test_printed_check_has_ten_lines(frame):
+    result = gusset.check(frame)
+    assert str(result) == repr(result) == "Two storeys: clear, allowed, findings and warnings: 0"
+    result = gusset.check(frame, set={"integrator.lambda": 50, "structure.shear_building.stiffness_n_per_m": [0, 12e9]})
+    text = str(result)
+    lines = text.splitlines()
+    assert lines[0].startswith("Two storeys: simulated, not allowed") and "error: integrator.lambda: lambda = 50 is above" in text
+    result.findings.insert(0, gusset.Finding("units", "warning", "time", 99 * "long ", {}, []))
+    result.findings.extend(5 * result.findings)
+    result.data["title"] = 99 * "long "
+    for shown in [lines, str(result).splitlines()]:
+        assert 5 <= len(shown) <= 10 and max(map(len, shown)) <= 100
+        assert "more in `findings`" in shown[-1]
+    assert "error: integrator.lambda" in str(result), "errors come first"
+
+
+ENDS_WITH_ERROR = """
+import sys, time
+for piece in ["warning: a\\n", "xer", "ror: b\\n", "\\x1b[1", "m\\x1b[91merr", "or\\x1b[0m: b\\n = help: c\\n", "error: d\\n"]:
+    sys.stderr.write(piece), sys.stderr.flush(), time.sleep(0.05)
+sys.exit(int(sys.argv[1]))
+"""
+
+
+def test_error_is_not_repeated_on_stderr(frame, capfd):
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.run(frame, set={"time.rate": 4}, out="wrong")
+    assert caught.value.reason.startswith("unknown key `rate`") and str(caught.value).count("unknown key") == 1
+    assert "unknown key" in caught.value.messages and capfd.readouterr().err == ""
+    before, error = "warning: a\nxerror: b\n", "\x1b[1m\x1b[91merror\x1b[0m: b\n = help: c\nerror: d\n"
+    for code, shown in [(2, before), (0, before + error)]:
+        done = execute([sys.executable, "-c", ENDS_WITH_ERROR, str(code)], quiet=False)
+        assert capfd.readouterr().err == shown
+        assert done.messages == before + "error: b\n = help: c\nerror: d\n"
+        assert done.error == "b\n = help: c\nerror: d"
+
+
 def test_plot_draws_response_and_loops(first, place):
     figure = first.plot("run.png")
     assert [axes.get_ylabel() for axes in figure.axes] == ["ground acceleration\n(m/s²)", "displacement\n(mm)", "force (kN)"]
     assert (place / "run.png").read_bytes().startswith(b"\x89PNG")
     lines = figure.axes[1].get_lines()
     assert np.allclose(lines[1].get_ydata(), 1e3 * first["disp", 2])
+
+
+def test_notebook_shows_one_picture(first, monkeypatch):
+    from matplotlib import pyplot
+
+    before = pyplot.get_fignums()
+    picture = first._repr_png_()
+    assert picture.startswith(b"\x89PNG") and picture.count(b"IHDR") == 1
+    assert not any(hasattr(first, f"_repr_{kind}_") for kind in ("html", "svg", "jpeg", "mimebundle"))
+    assert pyplot.get_fignums() == before, "pyplot would show the figure, too"
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    first.plot()
+    assert pyplot.get_fignums() == before
+    monkeypatch.undo()
+    first.plot()
+    assert len(pyplot.get_fignums()) == len(before) + 1, "a script can show it"
+    pyplot.close()
 
 
 def test_octave_opens_the_folder(first):

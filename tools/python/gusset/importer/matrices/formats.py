@@ -129,7 +129,7 @@ def variables(found: dict[str, Any], kind: str) -> list[Matrix]:
 
 def hdf5(path: Path) -> dict[str, Any]:
     """The variables of a MATLAB file of version 7.3. MATLAB stores columns first."""
-    import h5py  # type: ignore[import-untyped]
+    import h5py
 
     found: dict[str, Any] = {}
     with h5py.File(path, "r") as file:

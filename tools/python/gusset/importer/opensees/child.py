@@ -166,7 +166,7 @@ def plain(value: Any) -> Any:
 class Drawing(types.ModuleType):
     """A module for pictures that is not installed: each of its functions does nothing."""
 
-    __path__: list[str] = []
+    __path__ = []
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -243,6 +243,7 @@ class Tcl:
             import tkinter
         except ImportError:
             recorder.end("a script in Tcl needs Python's module tkinter. Install it, in Debian: apt install python3-tk")
+            raise
         self.recorder, self.script = recorder, script
         self.tcl = tkinter.Tcl()
         self.tags = AUTOMATIC

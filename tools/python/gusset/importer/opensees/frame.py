@@ -111,7 +111,8 @@ class Frame:
 
     def stiffness_damping(self, beam: Beam) -> float:
         rule = self.damping or {}
-        return float(self.own.get(beam.tag, rule.get("stiffness_coefficient_s", 0.0)))
+        own = self.own.get(beam.tag)
+        return float(rule.get("stiffness_coefficient_s", 0.0) if own is None else own)
 
     def chains(self) -> None:
         """OpenSees does not resolve a node that follows one in a direction and leads another one there."""
