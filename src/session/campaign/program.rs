@@ -101,8 +101,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fixed_test_has_the_same_bits_everywhere() {
-        let expected = "0";
+    fn fixed_test_has_equal_bits_everywhere() {
+        let expected = "e63328309b0aa6287ebb3df50f9c5d61d4b89b2023ef61d4a71e65397b13260a";
         assert_eq!(fixed_test().unwrap(), expected);
     }
 
