@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use gusset_control::engine::{Connected, Control};
 use gusset_quantity::time::SimClock;
 use gusset_record::{Recorder, TimedEvent};
-use gusset_session::campaign::{Campaign, plan, work};
+use gusset_session::campaign::{Campaign, Program, plan, work};
 use gusset_setup as setup;
 
 /// The frame of `config/frame-bouc-wen.toml` with a bilinear first storey, which OpenSees has too.
@@ -85,7 +85,7 @@ impl Bench {
     fn planned(&mut self, study: &Path, tasks_per_chunk: u64) -> Campaign {
         self.made += 1;
         let out = self.folder.path().join(format!("campaign-{}", self.made));
-        plan(study, &out, Some(tasks_per_chunk)).expect("a plan")
+        plan(study, &out, Some(tasks_per_chunk), &Program::default()).expect("a plan")
     }
 }
 

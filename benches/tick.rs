@@ -153,8 +153,8 @@ fn watching() {
         let began = monotonic_ns();
         for _ in 0..EXCHANGES {
             let phase = sequence as f64 * 1e-2;
-            disp.fill(0.004 * phase.sin());
-            vel.fill(0.04 * phase.cos());
+            disp.fill(0.004 * libm::sin(phase));
+            vel.fill(0.04 * libm::cos(phase));
             port.aim(&disp, &vel, 0.0, 0.0);
             for _ in 0..clears {
                 std::hint::black_box(port.clear());

@@ -61,7 +61,7 @@ fn measure(specimen: &mut dyn Specimen, compensation: &str) -> [f64; 3] {
     let targets: Vec<f64> = (0..BATCH * BATCHES)
         .map(|k| {
             let t = k as f64 * DT;
-            2e-3 * (22.0 * t).sin() + 3e-4 * (99.0 * t).sin()
+            2e-3 * libm::sin(22.0 * t) + 3e-4 * libm::sin(99.0 * t)
         })
         .collect();
     for batch in targets.chunks_exact(BATCH) {

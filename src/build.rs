@@ -1,4 +1,5 @@
 //! Facts of a build, for `src/program.rs`: digests of the sources, features, target, compiler, commit.
+#![allow(clippy::disallowed_macros, reason = "Cargo reads what is printed")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

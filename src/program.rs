@@ -1,5 +1,8 @@
 //! Which program this is: facts that `src/build.rs` finds at build time.
 
+use gusset_config::ConfigError;
+use gusset_session::campaign::{Program, fixed_test};
+
 /// Version of the package.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Commit of the sources, followed by `, modified` if they differ from it; `unknown` without a repository.
@@ -14,3 +17,18 @@ pub const FEATURES: &str = env!("GUSSET_FEATURES");
 pub const TARGET: &str = env!("GUSSET_TARGET");
 /// Version of the compiler.
 pub const COMPILER: &str = env!("GUSSET_COMPILER");
+
+/// The identity of this program, for campaigns. It computes a fixed test.
+///
+/// # Errors
+/// As [`fixed_test`].
+pub(crate) fn program() -> Result<Program, ConfigError> {
+    Ok(Program {
+        sources: SOURCES.to_owned(),
+        lock: LOCK.to_owned(),
+        features: FEATURES.to_owned(),
+        target: TARGET.to_owned(),
+        compiler: COMPILER.to_owned(),
+        results: fixed_test()?,
+    })
+}

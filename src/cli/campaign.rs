@@ -11,6 +11,7 @@ use super::args::{
 };
 use super::exit::{Exit, Mistakes, WithExit};
 use super::{answer, screen, tell};
+use crate::program::program;
 use gusset_config::ConfigError;
 use gusset_quantity::units::duration;
 use gusset_quantity::work::{Work, processors};
@@ -30,7 +31,8 @@ pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {
 }
 
 fn plan(args: &PlanArgs) -> anyhow::Result<Exit> {
-    let planned = campaign::plan(&args.study, &args.out, args.tasks_per_chunk).map_err(told)?;
+    let planned =
+        campaign::plan(&args.study, &args.out, args.tasks_per_chunk, &program()?).map_err(told)?;
     if args.json {
         answer(serde_json::to_string_pretty(&planned.plan)?)?;
     } else {
@@ -60,7 +62,7 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
         if args.out.is_some() {
             bail!("--out is for a study, and this is a campaign folder");
         }
-        Campaign::open(&args.study).map_err(told)?
+        Campaign::open(&args.study, &program()?).map_err(told)?
     } else {
         let out = args.out.clone();
         let out = out.unwrap_or_else(|| usual_folder(&args.study));
@@ -80,9 +82,9 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
 /// The campaign of `study` in `out`: a new one, or the one that was begun there.
 fn begun(study: &Path, out: &Path) -> anyhow::Result<Campaign> {
     if !out.join("plan.json").exists() {
-        return campaign::plan(study, out, None).map_err(told);
+        return campaign::plan(study, out, None, &program()?).map_err(told);
     }
-    let campaign = Campaign::open(out).map_err(told)?;
+    let campaign = Campaign::open(out, &program()?).map_err(told)?;
     if study.canonicalize().ok().as_deref() != Some(&campaign.plan.study) {
         bail!(
             "{} has the campaign of another study, {}: choose another folder with --out",
@@ -100,7 +102,7 @@ fn usual_folder(study: &Path) -> PathBuf {
 }
 
 fn work(args: &WorkArgs) -> anyhow::Result<Exit> {
-    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let campaign = Campaign::open(&args.folder, &program()?).map_err(told)?;
     let (chunks, plan) = (&args.chunk, &campaign.plan);
     let last = plan.chunks();
     let found = [chunks.first(), chunks.last()];
@@ -171,7 +173,7 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
             "arguments behind -- are for slurm and hyperqueue: with --engine lines, nothing is started"
         );
     }
-    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let campaign = Campaign::open(&args.folder, &program()?).map_err(told)?;
     let prepared = campaign::prepare(&campaign, engine, args.tasks_per_job).map_err(told)?;
     let chunks = campaign.plan.chunks();
     let Some(prepared) = prepared else {
@@ -194,7 +196,7 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
     let prove = proof(&args.results)?;
-    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let campaign = Campaign::open(&args.folder, &program()?).map_err(told)?;
     conclude(
         &campaign,
         prove,

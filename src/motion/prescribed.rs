@@ -278,9 +278,9 @@ mod tests {
         for step in 0..=250 {
             let angle = 2.0 * std::f64::consts::PI * 0.01 * step as f64;
             let (d, v) = test.at(step);
-            assert!((d[0] - 1e-3 * angle.sin()).abs() < 1e-16);
-            assert!((d[1] - 3e-3 * angle.sin()).abs() < 1e-16);
-            assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * angle.cos()).abs() < 1e-15);
+            assert!((d[0] - 1e-3 * libm::sin(angle)).abs() < 1e-16);
+            assert!((d[1] - 3e-3 * libm::sin(angle)).abs() < 1e-16);
+            assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * libm::cos(angle)).abs() < 1e-15);
         }
         // Beyond the end it does not move.
         let (last, _) = test.at(250);

@@ -672,7 +672,7 @@ mod tests {
     #[test]
     fn target_spectral_acceleration_is_met() {
         let samples: Vec<f64> = (0..400)
-            .map(|i| (0.13 * f64::from(i * i % 89)).sin())
+            .map(|i| libm::sin(0.13 * f64::from(i * i % 89)))
             .collect();
         let mut motion = values(&samples);
         motion.processing.target_sa = Some(TargetSa {
@@ -849,8 +849,8 @@ mod tests {
         let omega = 4.0 * std::f64::consts::PI;
         for (i, (d, v)) in moved.disp.iter().zip(&moved.vel).enumerate() {
             let t = 0.05 * i as f64;
-            assert!((d - 0.01 * (omega * t).sin()).abs() < 1e-16);
-            assert!((v - 0.01 * omega * (omega * t).cos()).abs() < 1e-14);
+            assert!((d - 0.01 * libm::sin(omega * t)).abs() < 1e-16);
+            assert!((v - 0.01 * omega * libm::cos(omega * t)).abs() < 1e-14);
         }
         assert!(moved.warnings.is_empty());
     }

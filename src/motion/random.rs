@@ -102,7 +102,7 @@ mod tests {
                     .enumerate()
                     .map(|(k, (c, s))| {
                         let angle = 2.0 * PI * (k * j % n) as f64 / n as f64;
-                        c * angle.cos() + s * angle.sin()
+                        c * libm::cos(angle) + s * libm::sin(angle)
                     })
                     .sum();
                 // Twenty terms below 6, six levels of rounding.

@@ -1,6 +1,6 @@
 //! The actuator of a specimen as its proofs see it: declared dynamics, compensation, and the remaining lag.
 
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField as _};
 
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::transfer::TransferSpec;
@@ -98,7 +98,7 @@ impl Follows<'_> {
 
     /// The remaining lag of an axis at ω in rad/s, s.
     pub(crate) fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
-        self.at(omega, system, axis).map(|h| -h.arg() / omega)
+        self.at(omega, system, axis).map(|h| -h.argument() / omega)
     }
 }
 

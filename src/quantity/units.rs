@@ -179,7 +179,7 @@ pub fn compared_within(found: f64, expected: f64, within: f64) -> [String; 3] {
 /// A sensor reading and its noise. The noise has two digits. The reading has the digits that the noise resolves, and at least six.
 #[must_use]
 pub fn reading(value: f64, noise: Option<f64>) -> [String; 2] {
-    let place = |size: f64| size.abs().log10().floor() as i32;
+    let place = |size: f64| libm::log10(size.abs()).floor() as i32;
     let resolved = match noise {
         Some(noise) if value.abs() > 0.0 && noise > 0.0 => {
             place(value) - place(noise) + DIGITS_OF_NOISE

@@ -27,7 +27,7 @@ fn masses(n: usize) -> SymMatrix {
 
 /// ω² of mode j, from 1, of a fixed chain of n masses.
 fn squared(n: usize, j: usize) -> f64 {
-    let sine = (j as f64 * PI / (2.0 * (n + 1) as f64)).sin();
+    let sine = libm::sin(j as f64 * PI / (2.0 * (n + 1) as f64));
     4.0 * STIFFNESS / MASS * sine * sine
 }
 
@@ -89,7 +89,7 @@ fn all_modes_give_the_full_model() {
     for (mode, omega) in found.iter().enumerate() {
         near(omega * omega, squared(41, mode + 1), 1e-9);
     }
-    let shape: Vec<f64> = (0..41).map(|dof| (dof as f64).sin()).collect();
+    let shape: Vec<f64> = (0..41).map(|dof| libm::sin(dof as f64)).collect();
     let coordinates = reduction.motion(&shape);
     let energy = 0.5 * k.quadratic(&coordinates);
     near(energy, 0.5 * stiffness.quadratic(&shape), 1e-9);
@@ -189,7 +189,7 @@ fn large_factor_solves() {
     let stiffness = grid(side);
     let mut factor = Factor::new(&stiffness).unwrap();
     assert!(matches!(factor, Factor::Large(..)));
-    let expected: Vec<f64> = (0..side * side).map(|i| (i as f64).cos()).collect();
+    let expected: Vec<f64> = (0..side * side).map(|i| libm::cos(i as f64)).collect();
     let force = times(&stiffness, &expected);
     let mut columns = nalgebra::DMatrix::from_fn(side * side, 3, |i, j| force[i] * (j + 1) as f64);
     factor.solve(&mut columns);
@@ -202,13 +202,9 @@ fn large_factor_solves() {
     let mass = SymMatrix::diagonal(&vec![1.0; side * side]);
     let modes = lowest(&mut factor, &mass, 5).unwrap();
     // The sum of a chain that is free at both ends and one that is held at one.
-    let along = |n: f64, j: f64| 4.0 * (j * PI / (2.0 * n)).sin().powi(2);
+    let along = |n: f64, j: f64| 4.0 * libm::sin(j * PI / (2.0 * n)).powi(2);
     let n = side as f64;
-    let held = |j: f64| {
-        4.0 * ((2.0 * j - 1.0) * PI / (2.0 * (2.0 * n + 1.0)))
-            .sin()
-            .powi(2)
-    };
+    let held = |j: f64| 4.0 * libm::sin((2.0 * j - 1.0) * PI / (2.0 * (2.0 * n + 1.0))).powi(2);
     let mut all: Vec<f64> = (1..9)
         .flat_map(|i| (0..8).map(move |j| held(f64::from(i)) + along(n, f64::from(j))))
         .collect();

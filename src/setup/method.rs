@@ -132,12 +132,12 @@ const DIGITS: f64 = 8.0;
 
 /// Says that a solve loses digits, where it loses many.
 pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
-    let lost = -reciprocal_condition.log10();
+    let lost = -libm::log10(reciprocal_condition);
     // Written so that NaN is reported.
     if lost <= DIGITS {
         return;
     }
-    let kept = (-f64::EPSILON.log10() - lost).max(0.0);
+    let kept = (-libm::log10(f64::EPSILON) - lost).max(0.0);
     let text = format!(
         "the factored matrix of the alpha method has a reciprocal condition number of {reciprocal_condition:.1e}: a solution \
          keeps about {kept:.0} of 16 digits"

@@ -39,7 +39,7 @@ fn exchange_allocates_nothing() {
     let mut measured = Measurement::zeros(2);
     let count = allocation_counter::measure(|| {
         for sequence in 0..500 {
-            let way = 0.03 * (0.1 * sequence as f64).sin();
+            let way = 0.03 * libm::sin(0.1 * sequence as f64);
             let command = Command {
                 sequence,
                 time: 0.01 * sequence as f64,

@@ -199,7 +199,7 @@ fn tracking_errors_are_delay_and_gain() {
     // Two periods of the sine; before it moves there is nothing to be late for, which costs the delay's share of them.
     let (tau, omega) = (0.004, 4.0 * TAU);
     let delay = p50("delay_s = 0.004");
-    let steady = 2.0 * (omega * tau / 2.0_f64).sin();
+    let steady = 2.0 * libm::sin(omega * tau / 2.0_f64);
     assert!((delay / steady - 1.0).abs() < tau / 0.5, "{delay} {steady}");
 }
 
@@ -305,7 +305,7 @@ fn rig_capacity_is_compared_with_demand() {
         ("force_n", stiffness * amplitude),
         (
             "power_w",
-            stiffness * amplitude * amplitude * omega * (1.0 + half.sin()) / 2.0,
+            stiffness * amplitude * amplitude * omega * (1.0 + libm::sin(half)) / 2.0,
         ),
     ];
     for (key, need) in needs {

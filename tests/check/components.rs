@@ -31,7 +31,7 @@ signal.file = { path = "b.csv", unit = "g", dt_s = 0.01 }
 fn record(phase: f64) -> Vec<f64> {
     let at = |i: u32| {
         let t = 0.01 * f64::from(i);
-        0.2 * (7.0 * t + phase).sin() * (std::f64::consts::PI * t / 4.0).sin()
+        0.2 * libm::sin(7.0 * t + phase) * libm::sin(std::f64::consts::PI * t / 4.0)
     };
     (0..=400).map(at).collect()
 }

@@ -25,7 +25,7 @@ fn check(text: &str, options: &[&str]) -> Said {
     let folder = tempfile::tempdir().unwrap();
     let at = |i: u32| {
         let t = 0.01 * f64::from(i);
-        0.2 * (5.0 * t).sin() * (std::f64::consts::PI * t / 10.0).sin() + 0.02
+        0.2 * libm::sin(5.0 * t) * libm::sin(std::f64::consts::PI * t / 10.0) + 0.02
     };
     let lines = (0..=1000).map(|i| format!("{}\n", at(i)));
     write(folder.path(), "a.csv", &lines.collect::<String>());

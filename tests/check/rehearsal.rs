@@ -100,11 +100,11 @@ fn harmonic_motion_matches_the_closed_form() {
     near(high, stiffness * amplitude);
     // cos((k+1)a) − cos(ka) = −2 sin(a/2) sin((k+½)a); half a period is a whole number of ticks, so the largest sine is
     // that half a tick from the crest.
-    let step = 2.0 * amplitude * (angle / 2.0).sin() * (angle / 2.0).cos();
+    let step = 2.0 * amplitude * libm::sin(angle / 2.0) * libm::cos(angle / 2.0);
     near(found.size("command_step_m"), step);
     near(found.size("command_vel_m_per_s"), step * rate);
     // The second difference is −4 sin²(a/2) cos(ka). Differences of numbers of 20 mm lose 1e-16 · 20 mm · 1000² Hz².
-    let accel = 4.0 * amplitude * (angle / 2.0).sin().powi(2) * rate * rate;
+    let accel = 4.0 * amplitude * libm::sin(angle / 2.0).powi(2) * rate * rate;
     let off = found.size("command_accel_m_per_s2") - accel;
     assert!(off.abs() < 1e-7, "{off}");
 }
@@ -312,7 +312,7 @@ fn startup_ramp_is_rehearsed_at_its_speed() {
         ));
         // Differences of A/2·(1 − cos(πk/N)); N is even.
         let angle = 0.5 * TAU / (time / tick) / 2.0;
-        let fastest = amplitude * angle.sin() * angle.cos() / tick;
+        let fastest = amplitude * libm::sin(angle) * libm::cos(angle) / tick;
         near(found.size("command_vel_m_per_s"), fastest);
     }
 }

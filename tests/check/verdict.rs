@@ -512,7 +512,7 @@ fn specimens_with_the_right_speed_are_clear() {
 fn numbers_in_another_unit_are_findings() {
     let folder = TempDir::new().unwrap();
     let values: String = (0..400)
-        .map(|k| format!("{}\n", 3.2 * (0.11 * f64::from(k)).sin()))
+        .map(|k| format!("{}\n", 3.2 * libm::sin(0.11 * f64::from(k))))
         .collect();
     std::fs::write(folder.path().join("motion.txt"), values).unwrap();
     let text = "[time]\nrate_hz = 1024\nduration_s = 20\nclock = \"simulated\"\n\

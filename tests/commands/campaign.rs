@@ -348,7 +348,7 @@ fn with_other_bits(text: &str) -> String {
 }
 
 #[test]
-fn changed_files_or_executable_are_refused() {
+fn changed_files_or_program_are_refused() {
     for file in ["frame.toml", "records/b.csv", "study.toml"] {
         let (folder, out) = planned();
         let path = folder.path().join(file);
@@ -375,11 +375,11 @@ fn changed_files_or_executable_are_refused() {
     let plan = out.join("plan.json");
     let text = fs::read_to_string(&plan).unwrap();
     let value: Value = serde_json::from_str(&text).unwrap();
-    let digest = value["executable"].as_str().unwrap();
+    let digest = value["program"]["results"].as_str().unwrap();
     let other = "0".repeat(digest.len());
     for changed in [
         text.replace(digest, &other),
-        text.replace("\"format\": 1", "\"format\": 99"),
+        text.replace("\"format\": 2", "\"format\": 99"),
     ] {
         assert_ne!(changed, text);
         fs::write(&plan, changed).unwrap();

@@ -300,7 +300,7 @@ fn events_have_the_index_of_their_exchange() {
     let law: SpecimenLaw =
         toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
     let commands: Vec<f64> = (0..3000)
-        .map(|k| 0.03 * (0.05 * f64::from(k)).sin())
+        .map(|k| 0.03 * libm::sin(0.05 * f64::from(k)))
         .collect();
     for (number, (limits, last, state)) in (1..).zip([
         (
@@ -479,7 +479,7 @@ fn a_history_of_trials_has_one_row_a_step() {
     let mut sequence = 0;
     for step in 0..200 {
         for trial in 0..3 {
-            let disp = 0.01 * (0.05 * f64::from(step)).sin() + 1e-3 * f64::from(2 - trial);
+            let disp = 0.01 * libm::sin(0.05 * f64::from(step)) + 1e-3 * f64::from(2 - trial);
             let command = Command {
                 sequence,
                 time: 0.01 * f64::from(step),
@@ -518,7 +518,7 @@ fn a_history_of_trials_has_one_row_a_step() {
     assert_eq!(rows.len(), 200);
     for (step, target) in rows.iter().enumerate() {
         assert!(
-            (target - 0.01 * (0.05 * step as f64).sin()).abs() < 1e-12,
+            (target - 0.01 * libm::sin(0.05 * step as f64)).abs() < 1e-12,
             "{step}"
         );
     }

@@ -122,7 +122,7 @@ fn closing_client_leaves_specimen_at_rest() {
     let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=12_i32 {
-        let disp = 0.004 * (1.5 * f64::from(step)).sin();
+        let disp = 0.004 * libm::sin(1.5 * f64::from(step));
         let force = client.force(disp, 0.065 * f64::from(step)).unwrap();
         // The spring of the rig is 4e5 N/m at half the scale: at the target within what 45 ms leave of a lag of 15 ms.
         assert!(
@@ -164,7 +164,7 @@ fn late_targets_replay_with_an_adaptive_compensator() {
     let bench = Bench::speaking("openfresco", pace, "", adaptive);
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=60_i32 {
-        let disp = 0.004 * (0.7 * f64::from(step)).sin();
+        let disp = 0.004 * libm::sin(0.7 * f64::from(step));
         assert!(client.force(disp, 0.02 * f64::from(step)).is_some());
         client.commits();
         if step % 15 == 0 {
@@ -516,7 +516,7 @@ const PREDICTS: &str =
 
 /// A smooth motion of the client at its structure.
 fn sway(step: i32) -> f64 {
-    0.004 * (1.0 - (0.2 * f64::from(step)).cos())
+    0.004 * (1.0 - libm::cos(0.2 * f64::from(step)))
 }
 
 /// Targets in time and late ones: the specimen keeps moving between them, and its record replays to the last bit, with its rest after the

@@ -159,7 +159,7 @@ pub fn settings(peer: Peer, carrier: Carrier, address: SocketAddr, axes: usize) 
 }
 
 pub fn path(k: u64, axis: usize) -> f64 {
-    0.03 * (0.3 * k as f64 + axis as f64).sin()
+    0.03 * libm::sin(0.3 * k as f64 + axis as f64)
 }
 
 /// Drives a substructure along the path; all measurements.

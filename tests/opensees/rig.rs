@@ -262,7 +262,7 @@ fn test_file(specimen: &str) -> String {
     };
     let ground = |step: u32| {
         let t = f64::from(step) * DT;
-        (0.8 * t).sin() * (60.0 * (13.0 * t).sin() + 30.0 * (31.0 * t).sin())
+        libm::sin(0.8 * t) * (60.0 * libm::sin(13.0 * t) + 30.0 * libm::sin(31.0 * t))
     };
     let values: Vec<f64> = (0..=STEPS).map(ground).collect();
     format!(

@@ -38,7 +38,7 @@ fn rig(kind: &str, carrier: Carrier, dofs: usize, stiffness: &str) -> Option<Rig
 }
 
 fn path(k: u64, axis: usize) -> f64 {
-    0.02 * (0.1 * k as f64).sin() * (1.0 - 0.3 * axis as f64)
+    0.02 * libm::sin(0.1 * k as f64) * (1.0 - 0.3 * axis as f64)
 }
 
 fn step(port: &mut dyn Substructure, k: u64, into: &mut Measurement) -> Result<(), LinkFault> {

@@ -70,7 +70,7 @@ fn difference(rate: u32, start: &str) -> f64 {
         let peak = r.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
         assert_eq!(a.len(), 4 * rate as usize + 1);
         for ((x, y), t) in a.iter().zip(&r).zip(absolute.column("time")) {
-            let base = moves * AMPLITUDE * (OMEGA * t).sin();
+            let base = moves * AMPLITUDE * libm::sin(OMEGA * t);
             worst = worst.max((x - base - y).abs() / peak);
         }
     }

@@ -93,7 +93,7 @@ fn monolith(amplitude: f64) -> String {
     let mut whole = STIFFNESS;
     for (base, joint) in PINS {
         let span = [joint[0] - base[0], joint[1] - base[1]];
-        let length = f64::hypot(span[0], span[1]);
+        let length = libm::hypot(span[0], span[1]);
         let e = span.map(|value| value / length);
         let row = [e[0], e[1], joint[0] * e[1] - joint[1] * e[0]];
         for (i, a) in row.iter().enumerate() {
@@ -194,11 +194,11 @@ fn prescribed_pose_moves_all_actuators() {
     for (index, (base, joint)) in PINS.iter().enumerate() {
         let strokes = run.column(&format!("target_1_{}", index + 1));
         for (turn, stroke) in turns.iter().zip(strokes) {
-            let (s, c) = turn.sin_cos();
+            let (s, c) = libm::sincos(*turn);
             let x = c * joint[0] - s * joint[1] - base[0];
             let y = s * joint[0] + c * joint[1] - base[1];
-            let rest = f64::hypot(joint[0] - base[0], joint[1] - base[1]);
-            assert!((f64::hypot(x, y) - rest - stroke).abs() < 1e-14);
+            let rest = libm::hypot(joint[0] - base[0], joint[1] - base[1]);
+            assert!((libm::hypot(x, y) - rest - stroke).abs() < 1e-14);
         }
     }
 }
@@ -321,7 +321,7 @@ fn pose_beyond_reach_is_named_early() {
     );
     let events = std::fs::read_to_string(out.join("events.jsonl")).unwrap();
     assert!(events.contains("\"out_of_reach\""), "{events}");
-    let length = f64::hypot(1.2, 0.05);
+    let length = libm::hypot(1.2, 0.05);
     let sent = Run::open(&out).unwrap().columns(&["cmd_1_1"]).unwrap();
     assert!(sent[0].len() > 10);
     for stroke in &sent[0] {

@@ -30,14 +30,14 @@ fn recursion(steps: usize, dt: f64, k: f64, c: f64, lambda: f64, second: bool) -
     let a2 = lambda * omega2 - 2.0 * omega2 - 2.0 * lambda;
     let a3 = omega2 + lambda - lambda * damping;
     let rho = (a3 / a1).sqrt();
-    let theta = (-a2 / (2.0 * a1) / rho).acos();
+    let theta = libm::acos(-a2 / (2.0 * a1) / rho);
     let weighted = lambda / (lambda + lambda * damping + omega2) * (-k * x0 - c * v0) / MASS;
     let share = if second { 0.5 } else { 1.0 };
     let x1 = x0 + dt * v0 + share * dt * dt * weighted;
-    let q = (x1 / rho - x0 * theta.cos()) / theta.sin();
+    let q = (x1 / rho - x0 * libm::cos(theta)) / libm::sin(theta);
     (0..=steps)
         .map(|i| {
-            let (sine, cosine) = (i as f64 * theta).sin_cos();
+            let (sine, cosine) = libm::sincos(i as f64 * theta);
             rho.powi(i as i32) * (x0 * cosine + q * sine)
         })
         .collect()
@@ -82,9 +82,9 @@ fn free_vibration_decays_to_second_order() {
             .column("time")
             .iter()
             .map(|t| {
-                let (sine, cosine) = (damped * t).sin_cos();
+                let (sine, cosine) = libm::sincos(damped * t);
                 let q = (0.2 + ratio * omega * 0.01) / damped;
-                let decay = (-ratio * omega * t).exp();
+                let decay = libm::exp(-ratio * omega * t);
                 let x = decay * (0.01 * cosine + q * sine);
                 let v = decay * damped * (q * cosine - 0.01 * sine) - ratio * omega * x;
                 if name == "x1" { x } else { v }
@@ -148,7 +148,7 @@ fn runge_kutta(rate: u32) -> Vec<[f64; 4]> {
     let slope = |t: f64, y: [f64; 4]| {
         let bottom = y[0] * (CUBIC[0] + CUBIC[1] * y[0] * y[0]) + DASHPOT * y[2];
         let top = 4e5 * (y[1] - y[0]);
-        let load = 8e3 * (5.0 * t).cos();
+        let load = 8e3 * libm::cos(5.0 * t);
         [
             y[2],
             y[3],

@@ -42,7 +42,7 @@ impl Building {
         let drift = [x[0], x[1] - x[0]];
         let q =
             |i: usize| self.stiffness[i] * drift[i] * (1.0 + self.theta[i] * drift[i].abs().sqrt());
-        let ground = 20.0 * t.sin();
+        let ground = 20.0 * libm::sin(t);
         [
             q(1) - q(0) - self.mass[0] * ground,
             -q(1) - self.mass[1] * ground,
@@ -204,7 +204,7 @@ fn lambda_4_is_average_acceleration() {
     let (mut x, mut v, mut a) = ([0.0f64; 2], [0.0f64; 2], [0.0f64; 2]);
     let mut newmark = vec![x];
     for step in 1..ours.len() {
-        let ground = 20.0 * (step as f64 * dt).sin();
+        let ground = 20.0 * libm::sin(step as f64 * dt);
         let predicted = [0, 1].map(|i| x[i] + dt * v[i] + dt * dt * (0.5 - beta) * a[i]);
         let rhs =
             [0, 1].map(|i| -mass[i] * ground - k[i][0] * predicted[0] - k[i][1] * predicted[1]);

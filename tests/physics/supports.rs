@@ -76,7 +76,7 @@ fn supports_alike_are_an_accelerated_ground() {
         let time = absolute.column("time");
         let each = ACROSS.map(|name| {
             let against = absolute.column(name).into_iter().zip(&time);
-            let against = against.map(|(x, t)| x - AMPLITUDE * (OMEGA * t).sin());
+            let against = against.map(|(x, t)| x - AMPLITUDE * libm::sin(OMEGA * t));
             distance(&against.collect::<Vec<f64>>(), &relative.column(name))
         });
         each.into_iter().fold(0.0, f64::max)

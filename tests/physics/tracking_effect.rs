@@ -6,7 +6,7 @@ use crate::common::{FRAME, completed, json, write};
 use gusset_control::engine::{Ending, Phase, Stop};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Run};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, ComplexField as _, DMatrix};
 
 /// Three floors by matrices, with two specimens of one and of two axes: one carries mass in its force, the axes of the other
 /// stiffen each other.
@@ -68,11 +68,15 @@ fn complex_mode_at(
         // Each axis passes its command on after a delay, and its forces follow from that.
         let late = Matrix::from_diagonal(&nalgebra::DVector::from_iterator(
             3,
-            delays.iter().map(|delay| (-s * *delay).exp()),
+            delays
+                .iter()
+                .map(|delay| nalgebra::ComplexField::exp(-s * *delay)),
         ));
         let change = Matrix::from_diagonal(&nalgebra::DVector::from_iterator(
             3,
-            delays.iter().map(|delay| (-s * *delay).exp() * -*delay),
+            delays
+                .iter()
+                .map(|delay| nalgebra::ComplexField::exp(-s * *delay) * -*delay),
         ));
         let force = complex(&specimens) + complex(&inertia) * (s * s);
         let (b, bt) = (complex(&rows), complex(&rows.transpose()));
@@ -90,7 +94,7 @@ fn complex_mode_at(
         };
         let step = Complex::new(1.0, 0.0) / change.trace();
         s -= step;
-        if step.norm() < 1e-13 * s.norm() {
+        if step.modulus() < 1e-13 * s.modulus() {
             return s;
         }
     }
@@ -102,13 +106,13 @@ fn damping_error_is_first_order_of_modes() {
     let analysis = prepare(FLOORS).facts.structure.unwrap().analysis.unwrap();
     let modes = analysis.delayed_modes();
     assert_eq!(modes.len(), 3);
-    let ratio = |s: Complex<f64>| -s.re / s.norm();
+    let ratio = |s: Complex<f64>| -s.re / s.modulus();
     for mode in &modes {
         let start = Complex::new(-mode.ratio * mode.frequency, mode.frequency);
         let on_time = complex_mode(start, [0.0; 3]);
         // C is nearly classical: its ratio is that of the complex mode to the second order.
         assert!((ratio(on_time) / mode.ratio - 1.0).abs() < 2e-3, "{mode:?}");
-        assert!((on_time.norm() / mode.frequency - 1.0).abs() < 1e-3);
+        assert!((on_time.modulus() / mode.frequency - 1.0).abs() < 1e-3);
         let slopes = mode.per_second.concat();
         for delays in [
             [1e-4, 0.0, 0.0],
@@ -487,7 +491,7 @@ fn late_axis_grows_at_its_tables_delay() {
                     delays[axis] = share * critical * f64::from(step) / 100.0;
                     s = complex_mode_at(s, delays, (axis, stiffness), 0.0);
                 }
-                s.re / s.norm()
+                s.re / s.modulus()
             });
             ends.fold(f64::NEG_INFINITY, f64::max)
         };

@@ -64,7 +64,7 @@ fn test_in(home: &Path, text: &str) -> PathBuf {
         let t = f64::from(k) * 0.005;
         format!(
             "{t:.3},{:.6}\n",
-            4.0 * (9.0 * t).sin() + 2.0 * (23.0 * t).cos()
+            4.0 * libm::sin(9.0 * t) + 2.0 * libm::cos(23.0 * t)
         )
     };
     write(

@@ -15,7 +15,7 @@ fn resume_uses_constant_memory() {
         format!(
             "{:.3},{:.6}\n",
             f64::from(k) * 0.005,
-            (f64::from(k) * 0.045).sin()
+            libm::sin(f64::from(k) * 0.045)
         )
     };
     let motion: String = (0..4100).map(motion).collect();

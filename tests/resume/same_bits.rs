@@ -100,7 +100,7 @@ fn resumed_page_shows_its_steps_and_totals() {
     let test = test_in(home.path(), &text);
     let faded: String = (0..1200)
         .map(|k| f64::from(k) * 0.005)
-        .map(|t| format!("{t:.3},{:.6}\n", 4.0 * (9.0 * t).sin() * (-t).exp()))
+        .map(|t| format!("{t:.3},{:.6}\n", 4.0 * libm::sin(9.0 * t) * libm::exp(-t)))
         .collect();
     write(home.path(), "motion.csv", &format!("t,a\n{faded}"));
     completed(&test, &at("whole"), &[]);

@@ -41,7 +41,7 @@ const RECORD: &str = "RSN6_IMPVALL.I_I-ELC+180 ü.AT2";
 fn archived() -> Archived {
     let folder = tempfile::tempdir().unwrap();
     let values: Vec<String> = (0..60)
-        .map(|k| format!("{:.7E}", 0.2 * f64::from(k).sin()))
+        .map(|k| format!("{:.7E}", 0.2 * libm::sin(f64::from(k))))
         .collect();
     let record = format!(
         "PEER\nSomewhere\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 60, DT= .01 SEC\n{}\n",

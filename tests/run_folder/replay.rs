@@ -44,7 +44,7 @@ fn test_in(home: &Path, more: &str) -> PathBuf {
     let motion: String = (0..1500)
         .map(|k| {
             let t = f64::from(k) * 0.002;
-            format!("{t:.3},{:.6}\n", 4.0 * (9.0 * t).sin() * (-t).exp())
+            format!("{t:.3},{:.6}\n", 4.0 * libm::sin(9.0 * t) * libm::exp(-t))
         })
         .collect();
     std::fs::write(home.join("motion.csv"), format!("t,a\n{motion}")).unwrap();

@@ -1,6 +1,6 @@
 use std::f64::consts::PI;
 
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField as _};
 
 use super::polynomial::{horiuchi_weights, lagrange_weights};
 use super::*;
@@ -139,7 +139,7 @@ fn compensated_delay_follows_h_of_theta() {
             let wanted = Complex::new(1.0, 0.0)
                 - (Complex::new(1.0, 0.0) - Complex::new(c, s)).powi(order + 1);
             assert!(
-                (found - wanted).norm() < 1e-11,
+                (found - wanted).modulus() < 1e-11,
                 "{order} {theta}: {found} {wanted}"
             );
             // Added damping has the sign of Im H, as documented.

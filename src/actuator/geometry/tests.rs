@@ -60,7 +60,7 @@ fn six() -> Vec<([f64; 3], [f64; 3])> {
             let foot = f64::from(leg / 2 * 2) * turn;
             let head = f64::from((leg + 1) / 2 * 2) * turn - turn;
             let at = |angle: f64, radius: f64, height: f64| {
-                [radius * angle.cos(), radius * angle.sin(), height]
+                [radius * libm::cos(angle), radius * libm::sin(angle), height]
             };
             (at(foot + side, 1.0, -1.1), at(head - 0.5 * side, 0.6, 0.0))
         })

@@ -264,7 +264,7 @@ mod tests {
 
     fn motion(k: u64) -> ([f64; 2], [f64; 2]) {
         let t = k as f64 * 0.1;
-        ([5e-3 * t.sin(), 1e-3 * t], [0.05 * t.cos(), 0.01])
+        ([5e-3 * libm::sin(t), 1e-3 * t], [0.05 * libm::cos(t), 0.01])
     }
 
     #[test]

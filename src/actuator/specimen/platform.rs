@@ -306,9 +306,9 @@ mod tests {
             for k in from..to {
                 let t = 0.05 * f64::from(k);
                 let disp = [
-                    0.02 * t.sin(),
-                    0.01 * (1.3 * t).sin(),
-                    0.015 * (0.7 * t).sin(),
+                    0.02 * libm::sin(t),
+                    0.01 * libm::sin(1.3 * t),
+                    0.015 * libm::sin(0.7 * t),
                 ];
                 platform.trial(&disp, &[0.1, 0.0, -0.1], 0.01, &mut force);
                 platform.commit();

@@ -346,12 +346,12 @@ mod tests {
         let (mut one, mut two) = (Delay::new(0.0123, 40, None), Delay::new(0.0123, 40, None));
         one.prime(0.5);
         for k in 0..70 {
-            one.commit([f64::from(k).sin(), 1.0], 1e-3);
+            one.commit([libm::sin(f64::from(k)), 1.0], 1e-3);
         }
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         state.restore(|visit| two.visit_state(visit)).unwrap();
         for k in 0..50 {
-            let motion = [f64::from(k).cos(), 0.0];
+            let motion = [libm::cos(f64::from(k)), 0.0];
             assert_eq!(one.trial(motion, 1e-3), two.trial(motion, 1e-3));
             one.commit(motion, 1e-3);
             two.commit(motion, 1e-3);

@@ -2,6 +2,7 @@ use super::*;
 use crate::specimen::SpecimenLaw;
 use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_quantity::state::{Stateful, TestState};
+use nalgebra::ComplexField as _;
 use std::f64::consts::PI;
 
 mod restored;
@@ -165,7 +166,7 @@ fn benchmark_plant_has_published_lags() {
         let found = plant.lag(omega, k, c);
         assert!((found - lag).abs() < 0.06e-3, "{hertz} Hz: {found}");
         if let Some(gain) = gain {
-            assert!((plant.response(omega, k, c).norm() - gain).abs() < 6e-4);
+            assert!((plant.response(omega, k, c).modulus() - gain).abs() < 6e-4);
         }
     }
     // Its poles, in 1/s.
@@ -174,7 +175,7 @@ fn benchmark_plant_has_published_lags() {
         let s = nalgebra::Complex::new(re, im);
         let value = ((((s * a5 + a4) * s + a3) * s + a2) * s + a1) * s + a0;
         let slope = (((s * (5.0 * a5) + 4.0 * a4) * s + 3.0 * a3) * s + 2.0 * a2) * s + a1;
-        let off = (value / slope).norm();
+        let off = (value / slope).modulus();
         assert!(
             off < 0.08,
             "a root lies {off} from {s}, which is printed to 0.05"

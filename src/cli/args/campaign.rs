@@ -78,7 +78,7 @@ pub(in crate::cli) struct RunCampaignArgs {
     gusset campaign submit ida --engine slurm -- --time=00:30:00 --partition=normal\n  \
     gusset campaign submit ida --engine slurm --tasks-per-job 120\n  \
     gusset campaign submit ida --engine hyperqueue\n\n\
-    All machines must see the campaign folder, the study and the executable under the same paths.\n\
+    All machines must see the campaign folder, the study and the program under the same paths.\n\
     Wait for the end of the jobs before you submit again: jobs that still run are submitted twice.\n\n\
     More: gusset guide campaigns"
 )]

@@ -159,7 +159,7 @@ mod tests {
         let mut state = State::new(vec![0.01, -0.02], vec![0.3, 0.1]);
         let mut reported = [0.0; 2];
         for step in 0..500 {
-            let load = 3e3 * (0.1 * step as f64).sin();
+            let load = 3e3 * libm::sin(0.1 * step as f64);
             let mut r = [load - 1e9 * state.disp[0].powi(3), 2.0 * load];
             stiffness.subtract_product(&state.disp, &mut r);
             damping.subtract_product(&state.vel, &mut r);
@@ -206,7 +206,7 @@ mod tests {
     fn restored_audit_has_equal_bits() {
         let mass = SymMatrix::diagonal(&[1e3, 2e3]);
         let step = |audit: &mut StepAudit, k: u32| {
-            let at = |phase: f64| [(0.1 * f64::from(k) + phase).sin(), 0.3 * phase];
+            let at = |phase: f64| [libm::sin(0.1 * f64::from(k) + phase), 0.3 * phase];
             audit.before(&at(0.0));
             audit.after(&at(0.1), &at(1.0), &at(2.0).map(|r| 1e3 * r));
             audit.relative().to_bits()

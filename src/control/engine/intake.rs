@@ -112,7 +112,7 @@ mod tests {
     /// base: what is taken in is what it holds and what the damper has turned into heat.
     fn balance(on_base: bool) -> (f64, f64) {
         let (dt, k, c) = (1e-4, 39.478, 0.5);
-        let ground = |t: f64| 0.01 * (5.0 * t).sin() * t;
+        let ground = |t: f64| 0.01 * libm::sin(5.0 * t) * t;
         let (mut x, mut v, mut heat) = (0.0f64, 0.0f64, 0.0);
         let influence = if on_base { vec![1.0] } else { Vec::new() };
         let mut intake = Intake::new(1, influence, 0.0);
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn restored_account_has_equal_bits() {
         let step = |intake: &mut Intake, k: u32| {
-            let at = |phase: f64| (0.1 * f64::from(k) + phase).sin();
+            let at = |phase: f64| libm::sin(0.1 * f64::from(k) + phase);
             intake.loaded(&[at(0.0), at(1.0)]);
             intake.note(&Closed {
                 disp: &[at(2.0), at(3.0)],

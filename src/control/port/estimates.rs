@@ -409,7 +409,7 @@ mod tests {
     /// Two whole periods of 2π/12 s are 1047.2 ticks: the sine is stretched to 1000 per two periods.
     fn swing(k: usize) -> (f64, f64) {
         let phase = 4.0 * std::f64::consts::PI * k as f64 / 1000.0;
-        (0.02 * phase.sin(), 0.02 * OMEGA * phase.cos())
+        (0.02 * libm::sin(phase), 0.02 * OMEGA * libm::cos(phase))
     }
 
     #[test]
@@ -440,7 +440,7 @@ mod tests {
         // 500 ticks a period are off by (2π/500)²/12 = 1.3e-5 of it.
         for ticks in [1, 10, 40] {
             let phase = 4.0 * std::f64::consts::PI * ticks as f64 / 1000.0;
-            let ellipse = 2.0 * std::f64::consts::PI * 3e5 * 4e-4 * phase.sin();
+            let ellipse = 2.0 * std::f64::consts::PI * 3e5 * 4e-4 * libm::sin(phase);
             let found = added(ticks, false);
             assert!(
                 (found / ellipse - 1.0).abs() < 1e-4,
@@ -537,7 +537,10 @@ mod tests {
             _ => 0.0,
         });
         let roots = companion.complex_eigenvalues();
-        roots.iter().map(|root| root.norm()).fold(0.0, f64::max)
+        roots
+            .iter()
+            .map(|root| nalgebra::ComplexField::modulus(*root))
+            .fold(0.0, f64::max)
     }
 
     /// With ticks between the targets the damping of a specimen counts more in a sawtooth: the room is used up where the

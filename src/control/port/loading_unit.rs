@@ -403,8 +403,8 @@ mod tests {
             .collect();
         // Circles of 4.5 m about (−4, 0) and 5.5 m about (0, −3).
         let [x, y] = [measured[0], measured[1]];
-        assert!((f64::hypot(4.0 + x, y) - 4.5).abs() < 1e-14);
-        assert!((f64::hypot(x, 3.0 + y) - 5.5).abs() < 1e-14);
+        assert!((libm::hypot(4.0 + x, y) - 4.5).abs() < 1e-14);
+        assert!((libm::hypot(x, 3.0 + y) - 5.5).abs() < 1e-14);
         let mut residual = [0.0; 3];
         port.subtract_force(0..residual.len(), &mut residual);
         let along_x = 500.0 * (4.0 + x) / 4.5 + 2500.0 * x / 5.5;

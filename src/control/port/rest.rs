@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn who_lags_or_has_not_begun_is_waited_for() {
         for lag in [2.0, 24.0, 300.0] {
-            let (taken, rest) = answers(|tick| 1.0 - (-(tick as f64) / lag).exp());
+            let (taken, rest) = answers(|tick| 1.0 - libm::exp(-(tick as f64) / lag));
             let (disp, force) = rest.means().unwrap().next().unwrap();
             assert!((disp - 1.0).abs() < 0.02, "{lag}: {disp} at {taken:?}");
             assert!((force - 1e6 * disp).abs() < 1e-3);
@@ -351,8 +351,8 @@ mod tests {
         let damped = omega * (1.0 - ratio * ratio).sqrt();
         let (taken, rest) = answers(|tick| {
             let phase = damped * tick as f64;
-            let decay = (-ratio * omega * tick as f64).exp();
-            1.0 - decay * (phase.cos() + ratio * omega / damped * phase.sin())
+            let decay = libm::exp(-ratio * omega * tick as f64);
+            1.0 - decay * (libm::cos(phase) + ratio * omega / damped * libm::sin(phase))
         });
         let (disp, _) = rest.means().unwrap().next().unwrap();
         assert!((disp - 1.0).abs() < 0.01, "{disp} at {taken:?}");
@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn restless_axis_is_reported_after_a_second() {
-        let (taken, _) = answers(|tick| 0.3 + 0.1 * (-(tick as f64) / 5.0).exp());
+        let (taken, _) = answers(|tick| 0.3 + 0.1 * libm::exp(-(tick as f64) / 5.0));
         assert!((1000..1200).contains(&taken.unwrap()), "{taken:?}");
         let (taken, rest) = answers(|tick| 1e-3 * tick as f64);
         assert_eq!(taken, None);
@@ -376,7 +376,7 @@ mod tests {
             let mut noise = || 0.02 * (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
             let (taken, _) = answers(|_| 1.0 + noise());
             assert!(taken.unwrap() <= 200, "seed {seed}: {taken:?}");
-            let (_, rest) = answers(|tick| 1.0 - (-(tick as f64) / 100.0).exp() + noise());
+            let (_, rest) = answers(|tick| 1.0 - libm::exp(-(tick as f64) / 100.0) + noise());
             let (disp, _) = rest.means().unwrap().next().unwrap();
             assert!((disp - 1.0).abs() < 0.2, "seed {seed}: {disp}");
         }

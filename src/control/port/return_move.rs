@@ -262,7 +262,7 @@ mod tests {
             self.phase += 2.4;
             (into.disp[0], into.force[0]) = (
                 self.commands[0],
-                2e5 * self.commands[0] + self.noise * self.phase.sin(),
+                2e5 * self.commands[0] + self.noise * libm::sin(self.phase),
             );
             Ok(Freshness::Fresh)
         }

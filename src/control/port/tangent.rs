@@ -174,7 +174,7 @@ mod tests {
     fn along(tangent: &mut Tangent, steps: usize, force: impl Fn(f64, f64) -> f64) {
         for k in 0..steps {
             let t = k as f64 * 1e-3;
-            let (disp, vel) = (0.01 * (3.0 * t).sin(), 0.03 * (3.0 * t).cos());
+            let (disp, vel) = (0.01 * libm::sin(3.0 * t), 0.03 * libm::cos(3.0 * t));
             let force = force(disp, vel);
             tangent.take(Point { disp, vel, force });
         }

@@ -1,4 +1,4 @@
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField as _};
 
 use super::*;
 use gusset_actuator::compensation::CompensationSpec;
@@ -101,14 +101,14 @@ fn cases_have_published_critical_delays() {
     for (case, (delay, hertz)) in (1..).zip(wanted) {
         let frame = Frame::case(case).unwrap();
         let mut best = (f64::INFINITY, 0.0);
-        let mut last = loop_gain(&frame, 1.0).norm() - 1.0;
+        let mut last = loop_gain(&frame, 1.0).modulus() - 1.0;
         for step in 1..60_000 {
             let omega = 1.0 + f64::from(step) * 5e-3;
             let gain = loop_gain(&frame, omega);
-            let now = gain.norm() - 1.0;
+            let now = gain.modulus() - 1.0;
             if now * last < 0.0 {
                 let omega = omega - 5e-3 * now / (now - last);
-                let delay = (std::f64::consts::PI + loop_gain(&frame, omega).arg()) / omega;
+                let delay = (std::f64::consts::PI + loop_gain(&frame, omega).argument()) / omega;
                 if delay < best.0 {
                     best = (delay, omega);
                 }

@@ -8,7 +8,7 @@ use super::{Check, Effort, Proof};
 use gusset_numerics::spectral::{
     coefficients, discriminant, omega_limit, poles, spectral_radius, unconditional_lambda,
 };
-use nalgebra::DMatrix;
+use nalgebra::{ComplexField as _, DMatrix};
 
 /// Points of the unit circle.
 pub(super) fn circle() -> Series {
@@ -38,7 +38,7 @@ pub(super) fn regions(effort: Effort) -> Proof {
         let lambda = random.spread(1.0, 50.0);
         let (omega, ratio) = (random.between(0.1, 4.0), random.between(0.0, 0.5));
         let [first, second] = poles(omega, ratio, lambda);
-        let radius = first.norm().max(second.norm());
+        let radius = first.modulus().max(second.modulus());
         // Close to the circle neither growth nor decay shows in the simulated time.
         if (radius - 1.0).abs() < 0.02 {
             continue;
@@ -97,7 +97,8 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
         polynomial = polynomial.max((trace + a2 / a1).abs() / (1.0 + trace.abs()));
         let quantity = discriminant(omega, ratio, lambda);
         if quantity < 0.0 {
-            modulus = modulus.max((poles(omega, ratio, lambda)[0].norm() - (a3 / a1).sqrt()).abs());
+            modulus =
+                modulus.max((poles(omega, ratio, lambda)[0].modulus() - (a3 / a1).sqrt()).abs());
             modulus = modulus.max((determinant - a3 / a1).abs());
         }
         // (30): negative exactly where λΩ² − 4Ω² − 4λ < −4λξ².

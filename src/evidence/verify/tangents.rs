@@ -1,5 +1,6 @@
 //! Changed tangents: Figs. 4 and 5, equations (36) to (41).
 
+use nalgebra::ComplexField as _;
 use std::f64::consts::TAU;
 
 use super::drive::{self, Random, margin, transition};
@@ -47,7 +48,7 @@ pub(super) fn closed_loop(effort: Effort) -> Proof {
         }
         for (a, b) in locus.roots(k0).iter().zip(poles(omega, ratio, lambda)) {
             // A double root is known to √ε.
-            reduced = reduced.max((a - b).norm() / (1.0 + b.norm()));
+            reduced = reduced.max((a - b).modulus() / (1.0 + b.modulus()));
         }
     }
     let checks = vec![
@@ -143,7 +144,7 @@ pub(super) fn root_locus() -> Proof {
     let at_crossing = locus.roots(crossing);
     let away = at_crossing
         .iter()
-        .map(|z| (z + 1.0).norm())
+        .map(|z| (z + 1.0).modulus())
         .fold(f64::INFINITY, f64::min);
     let checks = vec![
         Check::within(

@@ -4,6 +4,7 @@
 //! over frequency by least squares. The line gives the value at the middle of the bin; its residual is noise and gives
 //! the coherence. A delay is the unwrapped phase over ω; the coarse delay decides how many turns the phase has made.
 
+use nalgebra::ComplexField as _;
 use rustfft::FftPlanner;
 use serde::Serialize;
 
@@ -74,7 +75,7 @@ pub(super) fn coarse_delay(lines: &Lines) -> (f64, f64) {
     let pairs = lines.command.iter().zip(&lines.measured);
     for (slot, (u, y)) in agreement.iter_mut().skip(at).zip(pairs) {
         let product = y * u.conj();
-        let size = product.norm();
+        let size = product.modulus();
         if size > 0.0 {
             *slot = product / size;
         }
@@ -179,7 +180,7 @@ pub(super) fn points(bins: &[Bin], coarse: f64) -> Vec<Point> {
             if trusted {
                 before = phase;
             }
-            let gain = bin.value.norm();
+            let gain = bin.value.modulus();
             let std = bin.variance.sqrt();
             Point {
                 hz: bin.omega / (2.0 * PI),

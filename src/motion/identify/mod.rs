@@ -24,6 +24,7 @@ mod lines;
 mod model;
 mod specimen;
 
+use nalgebra::ComplexField as _;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -204,7 +205,7 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
         return Err(IdentifyError::DoesNotFollow { coherence });
     }
     if sign < 0.0 {
-        let gain = -bins.first().map_or(0.0, |bin| bin.value.norm());
+        let gain = -bins.first().map_or(0.0, |bin| bin.value.modulus());
         return Err(IdentifyError::Reversed { gain });
     }
     let points = frequency::points(&bins, coarse);
@@ -268,7 +269,10 @@ fn over_band(points: &[Point], best: Option<&Fit>, dt: f64) -> (Estimate, Estima
     for point in points.iter().filter(|point| point.trusted) {
         let weight = 1.0 / point.hz;
         let pair = match best {
-            Some(fit) => [fit.delay(point.hz, dt), fit.response(point.hz, dt).norm()],
+            Some(fit) => [
+                fit.delay(point.hz, dt),
+                fit.response(point.hz, dt).modulus(),
+            ],
             None => [point.delay_s, point.gain],
         };
         weights += weight;

@@ -1,6 +1,7 @@
 //! Models of an actuator, as `gusset_actuator::transfer` samples them: a command that ramps from tick to tick, and the actuator's
 //! response at each tick. Parameters fitted here give the same response in `transfer`.
 
+use nalgebra::ComplexField as _;
 use serde::Serialize;
 
 use super::lines::C64;
@@ -139,7 +140,7 @@ fn pole(p: C64, omega: f64, dt: f64) -> C64 {
     let h = p * dt;
     let (sine, cosine) = libm::sincos(h.im);
     let e = C64::new(cosine, sine) * libm::exp(h.re);
-    let (one, two) = if h.norm() < 0.02 {
+    let (one, two) = if h.modulus() < 0.02 {
         // Differences of nearly equal numbers: series instead, whose next term is below 1e-13.
         let series = |from: f64| {
             let (mut term, mut sum, mut k) = (

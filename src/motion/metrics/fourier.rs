@@ -4,6 +4,7 @@
 //! spectrum shows the jump. A length with large prime factors is cut by a few samples, so that the transform stays
 //! fast. Missing samples are held at the last value.
 
+use nalgebra::ComplexField as _;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
@@ -59,7 +60,7 @@ impl Spectrum {
     /// Fourier amplitudes |Y|·Δt in units of the record times s, from the first line above 0 Hz: (frequency in Hz, amplitude).
     pub(crate) fn amplitudes(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let lines = self.lines.iter().enumerate().skip(1);
-        lines.map(|(j, line)| (j as f64 * self.spacing_hz, line.norm() * self.dt))
+        lines.map(|(j, line)| (j as f64 * self.spacing_hz, line.modulus() * self.dt))
     }
 
     /// Which of `bins` equal parts of a logarithmic frequency axis a line is in.
@@ -113,8 +114,8 @@ pub fn evaluate(command: &Spectrum, measured: &Spectrum) -> Option<Evaluation> {
     let frequency_hz = moment / power;
     let phase = libm::atan2(index.im, index.re);
     let delay = -phase / (2.0 * std::f64::consts::PI * frequency_hz);
-    (power > 0.0 && delay.is_finite() && index.norm().is_finite()).then(|| Evaluation {
-        amplitude: index.norm(),
+    (power > 0.0 && delay.is_finite() && index.modulus().is_finite()).then(|| Evaluation {
+        amplitude: index.modulus(),
         phase,
         frequency_hz,
         delay,
@@ -161,7 +162,7 @@ pub fn response(command: &Spectrum, measured: &Spectrum, bins: usize) -> Vec<Res
     let heard = sums.into_iter().filter(|(_, power, _)| *power > 0.0);
     let found = heard.map(|(sum, power, moment)| Response {
         frequency_hz: moment / power,
-        gain: sum.norm() / power,
+        gain: sum.modulus() / power,
         phase: libm::atan2(sum.im, sum.re),
     });
     found.filter(|found| found.gain.is_finite()).collect()

@@ -150,7 +150,7 @@ impl Directions {
             (disp, [x.vel[lane], y.vel[lane]])
         };
         let ((disp_0, vel_0), (disp_1, vel_1)) = (of(before), of(now));
-        let reach = |[x, y]: [f64; 2]| x.hypot(y);
+        let reach = |[x, y]: [f64; 2]| libm::hypot(x, y);
         // No direction moves further than both together.
         if reach(disp_0).max(reach(disp_1)) < NEAR * self.least[lane] {
             return;

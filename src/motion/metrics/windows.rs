@@ -13,6 +13,7 @@
 //!
 //! Phases are negative where the measured displacement is behind, as in the frequency evaluation index.
 
+use nalgebra::ComplexField as _;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -169,13 +170,13 @@ impl Taper {
             turn *= step;
         }
         let ratio = m / c;
-        if !(c.norm() > 0.0 && ratio.norm().is_finite()) {
+        if !(c.modulus() > 0.0 && ratio.modulus().is_finite()) {
             return None;
         }
         let square: f64 = self.weights.iter().map(|w| w * w).sum();
-        let scatter = (0.5 * square).sqrt() / c.norm();
+        let scatter = (0.5 * square).sqrt() / c.modulus();
         Some(Look {
-            values: [ratio.norm() - 1.0, libm::atan2(ratio.im, ratio.re)],
+            values: [ratio.modulus() - 1.0, libm::atan2(ratio.im, ratio.re)],
             scatter: [scatter; 2],
             bias: 0.0,
         })

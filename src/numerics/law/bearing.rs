@@ -615,7 +615,7 @@ mod tests {
                 (2e-3, 200.0),
                 (-2e-3, -1200.0),
             ] {
-                let unit = [f64::cos(angle), f64::sin(angle)];
+                let unit = [libm::cos(angle), libm::sin(angle)];
                 let found = step(&mut bearing, unit.map(|u| u * disp), [0.0; 2]);
                 assert_near(found, unit.map(|u| u * force));
             }
@@ -629,7 +629,7 @@ mod tests {
         step(&mut bearing, [5e-3, 0.0], [0.0; 2]);
         let way = 1.3e-3;
         let found = step(&mut bearing, [5e-3, way], [0.0; 2]);
-        let half = f64::exp(-1e6 * way / 1e3);
+        let half = libm::exp(-1e6 * way / 1e3);
         let (cosine, sine) = (
             (1.0 - half * half) / (1.0 + half * half),
             2.0 * half / (1.0 + half * half),
@@ -641,7 +641,7 @@ mod tests {
     #[test]
     fn smooth_core_has_its_closed_form() {
         let mut bearing = smooth();
-        let yielding = 1e3 * f64::tanh(1.5);
+        let yielding = 1e3 * libm::tanh(1.5);
         assert_near(
             step(&mut bearing, [1.5e-3, 0.0], [0.0; 2]),
             [150.0 + yielding, 0.0],
@@ -650,8 +650,8 @@ mod tests {
         assert_near(
             step(&mut bearing, sideways, [0.0; 2]),
             [
-                150.0 + yielding / f64::cosh(0.8),
-                80.0 + 1e3 * f64::tanh(0.8),
+                150.0 + yielding / libm::cosh(0.8),
+                80.0 + 1e3 * libm::tanh(0.8),
             ],
         );
         let mut bearing = smooth();
@@ -673,7 +673,7 @@ mod tests {
     #[test]
     fn friction_depends_on_the_velocity() {
         let mut bearing = pendulum(None);
-        let friction = |speed: f64| 0.08 - 0.03 * f64::exp(-20.0 * speed);
+        let friction = |speed: f64| 0.08 - 0.03 * libm::exp(-20.0 * speed);
         assert_near(step(&mut bearing, [0.1, 0.0], [0.0; 2]), [1e3 + 1e3, 0.0]);
         let wanted = 1e3 + 2e4 * friction(0.1);
         assert_near(

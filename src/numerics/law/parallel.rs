@@ -110,7 +110,7 @@ mod tests {
         let mut whole = spec.build().unwrap();
         for i in 0..200 {
             let t = f64::from(i) * 0.1;
-            let (disp, vel) = (3e-3 * t.sin(), 0.3 * t.cos());
+            let (disp, vel) = (3e-3 * libm::sin(t), 0.3 * libm::cos(t));
             let mut force = 0.0;
             for part in &mut parts {
                 force += part.trial(disp, vel, 0.01);

@@ -2,6 +2,7 @@
 //!
 //! The angle of a pole is taken in all four quadrants: arctan(ε/σ) of equation (25) fails for σ < 0.
 
+use nalgebra::ComplexField as _;
 use std::f64::consts::PI;
 
 use super::{Pole, poles};
@@ -23,7 +24,7 @@ impl Apparent {
         if !(pole.im != 0.0 && angle > 0.0) {
             return None;
         }
-        let log = libm::log(pole.norm());
+        let log = libm::log(pole.modulus());
         let omega = (angle * angle + log * log).sqrt();
         Some(Self {
             omega,

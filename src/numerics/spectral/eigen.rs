@@ -1,7 +1,7 @@
 //! Eigenvalues of a small real matrix.
 
 use faer::Mat;
-use nalgebra::{DMatrix, Schur};
+use nalgebra::{ComplexField as _, DMatrix, Schur};
 
 use super::Pole;
 
@@ -44,7 +44,7 @@ fn by_exceptional_shifts(matrix: &DMatrix<f64>) -> Option<Vec<Pole>> {
 #[must_use]
 pub fn spectral_radius(matrix: &DMatrix<f64>) -> Option<f64> {
     let all = eigenvalues(matrix)?;
-    Some(all.iter().map(|z| z.norm()).fold(0.0, f64::max))
+    Some(all.iter().map(|z| z.modulus()).fold(0.0, f64::max))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 //!
 //! // λ = 4 has the poles of average acceleration, on the unit circle without damping.
 //! let [z, _] = spectral::poles(0.5, 0.0, 4.0);
-//! assert!((z.norm() - 1.0).abs() < 1e-15);
+//! assert!((z.norm_sqr() - 1.0).abs() < 1e-15);
 //! // Its period is too long, that of λ = ∞ too short.
 //! assert!(spectral::period_error(0.5, 0.0, 4.0).unwrap() > 0.0);
 //! assert!(spectral::period_error(0.5, 0.0, f64::INFINITY).unwrap() < 0.0);

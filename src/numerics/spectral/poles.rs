@@ -125,6 +125,9 @@ pub fn table_1(row: Tabulated, omega: f64, ratio: f64) -> [Pole; 2] {
             2.0 + 2.0 * omega * ratio,
         ),
     };
-    let root = Pole::new(radicand, 0.0).sqrt() * factor;
+    let root = match radicand.is_sign_negative() {
+        true => Pole::new(0.0, (-radicand).sqrt()),
+        false => Pole::new(radicand.sqrt(), 0.0),
+    } * factor;
     [(root + centre) / below, (-root + centre) / below]
 }

@@ -4,7 +4,7 @@
 //! −1/π times the growth of its argument from ω = 0 to ∞ (Cauchy). So the stability of a loop with a delay, an actuator and
 //! a compensator follows without a state space.
 
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField as _};
 
 /// Distances from a mark, in its widths, at which the first grid has points.
 const ABOUT: [f64; 9] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
@@ -38,15 +38,15 @@ pub fn unstable_roots(
     let mut turned = 0.0;
     let mut last = (lowest, function(lowest)?);
     // From ω = 0, where it is real.
-    turned += last.1.arg();
+    turned += last.1.argument();
     for end in grid {
         let mut open = vec![(end, 0)];
         while let Some((to, depth)) = open.pop() {
             let value = function(to)?;
-            if !(value.re.is_finite() && value.im.is_finite() && last.1.norm() > 0.0) {
+            if !(value.re.is_finite() && value.im.is_finite() && last.1.modulus() > 0.0) {
                 return None;
             }
-            let turn = (value / last.1).arg();
+            let turn = (value / last.1).argument();
             if turn.abs() > FINE {
                 if depth == DEEPEST {
                     return None;

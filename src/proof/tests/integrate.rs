@@ -1,6 +1,6 @@
 use std::f64::consts::PI;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{ComplexField as _, DMatrix, DVector};
 use proptest::prelude::*;
 
 use super::*;
@@ -186,6 +186,6 @@ fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
     }
     step.complex_eigenvalues()
         .iter()
-        .map(|z| z.norm())
+        .map(|z| z.modulus())
         .fold(0.0, f64::max)
 }

@@ -312,7 +312,8 @@ fn summary(
         "largest": largest.collect::<Vec<_>>(),
         "provenance": {
             "gusset": plan.gusset,
-            "executable_blake3": plan.executable,
+            "program_blake3": plan.program.digest(),
+            "program": plan.program,
             "study": plan.study,
             "files": files.collect::<Vec<_>>(),
             "seed": study.loaded.study.campaign.seed,

@@ -37,7 +37,7 @@ pub(super) fn short(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    let digits = 3 - value.abs().log10().floor() as i32;
+    let digits = 3 - libm::log10(value.abs()).floor() as i32;
     if (0..=7).contains(&digits) {
         format!("{value:.*}", digits as usize)
     } else {

@@ -176,7 +176,7 @@ mod tests {
         Plan {
             format: 1,
             gusset: "0".to_owned(),
-            executable: String::new(),
+            program: crate::campaign::Program::default(),
             study: "/s.toml".into(),
             files: Vec::new(),
             tasks: 30,

@@ -6,7 +6,7 @@
 //!
 //! | file of the folder | contains |
 //! |---|---|
-//! | `plan.json` | digests of the files and of the executable, number of tasks, size of a chunk |
+//! | `plan.json` | digests of the files, identity of the program, number of tasks, size of a chunk |
 //! | `study.toml`, `test.toml` | copies for people; workers read the originals and compare digests |
 //! | `parts/chunk-K-DIGEST.part` | results of tasks of chunk K |
 //! | `table.csv`, `table.parquet`, `summary.json`, `report.html` | output of `collect` |
@@ -15,7 +15,7 @@
 //! |---|---|
 //! | `study`, `design`, `random`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
-//! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
+//! | `plan`, `program`, `part`, `work` | campaign folder, identity of the program, result parts, chunks on threads |
 //! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
 //! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
 //! | `found`, `fractile`, `fragility`, `largest` | values for the report, and their statistics |
@@ -39,6 +39,7 @@ mod pairs;
 mod part;
 pub(super) mod perform;
 mod plan;
+mod program;
 mod prove;
 mod random;
 mod sensitivity;
@@ -59,6 +60,7 @@ pub use collect::{Collected, Prove, collect};
 pub use fragility::{Collapses, Fragility, Level};
 pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
+pub use program::{Program, fixed_test};
 pub use study::Study;
 pub use submit::{Engine, Prepared, prepare, start};
 pub use work::{Status, Stop, Worked, status, work};
@@ -100,11 +102,16 @@ pub enum CampaignError {
         /// The format of this version.
         wanted: u64,
     },
-    /// The plan was made by another executable.
+    /// The plan was made by another program.
     #[error(
-        "the plan {0} was made by another gusset executable: use that executable, or plan the campaign again"
+        "the plan {path} was made by another gusset program: use that program, or plan the campaign again. These differ:{differences}"
     )]
-    Executable(PathBuf),
+    Program {
+        /// The plan.
+        path: PathBuf,
+        /// A line for each difference.
+        differences: String,
+    },
     /// A file has changed since the plan.
     #[error("{0} has changed since the plan: restore it, or plan the campaign again")]
     Changed(String),

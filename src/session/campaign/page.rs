@@ -198,7 +198,7 @@ fn provenance(campaign: &Campaign, collected: &Collected) -> Markup {
     let pair = |name: &str, text: String| (name.to_owned(), text);
     let mut pairs = vec![
         pair("study", plan.study.display().to_string()),
-        pair("executable (BLAKE3)", plan.executable.clone()),
+        pair("program (BLAKE3)", plan.program.digest()),
         pair(
             "seed",
             campaign.study.loaded.study.campaign.seed.to_string(),

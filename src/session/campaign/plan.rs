@@ -1,12 +1,12 @@
 //! The campaign folder: its plan, and the checks of a worker that opens it.
 
 use std::fs;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::perform::{INVALID, errors, perform, why_invalid};
+use super::program::Program;
 use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
@@ -16,7 +16,7 @@ use gusset_record::rt::os;
 use gusset_record::{atomic, make_free};
 
 /// Format of the plan and of the parts.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 /// Most tasks that are timed at plan time.
 const TIMED: u64 = 3;
 /// Time of a chunk on one core, s.
@@ -32,8 +32,8 @@ pub struct Plan {
     pub format: u64,
     /// Version of the program that planned it.
     pub gusset: String,
-    /// Digest (BLAKE3) of the executable that planned it.
-    pub executable: String,
+    /// The program that planned it.
+    pub program: Program,
     /// Full path of the study file.
     pub study: PathBuf,
     /// Files of the study with their digests (BLAKE3).
@@ -56,12 +56,12 @@ impl Plan {
         self.tasks.div_ceil(self.tasks_per_chunk)
     }
 
-    /// Identity of the campaign: a digest of its files, its executable and its chunks. Each part repeats it.
+    /// Identity of the campaign: a digest of its files, its program and its chunks. Each part repeats it.
     #[must_use]
     pub(crate) fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let files = self.files.iter().flat_map(|(name, digest)| [name, digest]);
-        for text in files.chain([&self.executable]) {
+        for text in files.chain([&self.program.digest()]) {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         }
@@ -101,7 +101,7 @@ pub struct Campaign {
 }
 
 /// Plans the campaign of the study at `study` in the new folder `out`. At most three tasks are timed. A chunk has
-/// `tasks_per_chunk` tasks, or as many as take a minute.
+/// `tasks_per_chunk` tasks, or as many as take a minute. Workers must be the same `program`.
 ///
 /// # Errors
 /// [`CampaignError`]: the study is wrong, the first task has no valid test, or the folder is not free.
@@ -109,6 +109,7 @@ pub fn plan(
     study: &Path,
     out: &Path,
     tasks_per_chunk: Option<u64>,
+    program: &Program,
 ) -> Result<Campaign, CampaignError> {
     let path = fs::canonicalize(study).map_err(at(study))?;
     if let Some(tasks) = tasks_per_chunk.filter(|tasks| *tasks > MOST_PER_CHUNK) {
@@ -125,7 +126,7 @@ pub fn plan(
     let plan = Plan {
         format: FORMAT,
         gusset: env!("CARGO_PKG_VERSION").to_owned(),
-        executable: executable()?,
+        program: program.clone(),
         study: path,
         files: expanded.files.clone(),
         tasks: expanded.tasks,
@@ -175,31 +176,17 @@ fn timed(study: &Study, indices: &[u64]) -> Result<f64, CampaignError> {
     Ok(passed / indices.len() as f64)
 }
 
-/// Digest of the executable of this process.
-pub(super) fn executable() -> Result<String, CampaignError> {
-    let path = Path::new("/proc/self/exe");
-    let mut file = fs::File::open(path).map_err(at(path))?;
-    let mut hasher = blake3::Hasher::new();
-    let mut block = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut block).map_err(at(path))? {
-            0 => break,
-            count => hasher.update(&block[..count]),
-        };
-    }
-    Ok(hasher.finalize().to_hex().to_string())
-}
-
 impl Campaign {
-    /// Opens a campaign folder and checks that executable, study, test and inputs are those of the plan.
+    /// Opens a campaign folder and checks that `program`, study, test and inputs are those of the plan.
     ///
     /// # Errors
     /// [`CampaignError`]: there is no plan, or something has changed.
-    pub fn open(folder: &Path) -> Result<Self, CampaignError> {
+    pub fn open(folder: &Path, program: &Program) -> Result<Self, CampaignError> {
         let path = folder.join(PLAN);
         let plan = read(&path, folder)?;
-        if plan.executable != executable()? {
-            return Err(CampaignError::Executable(path));
+        let differences = program.differences(&plan.program);
+        if !differences.is_empty() {
+            return Err(CampaignError::Program { path, differences });
         }
         let study = Study::load(&plan.study)?;
         let new = study.files.iter().find(|file| !plan.files.contains(file));
@@ -223,7 +210,7 @@ impl Campaign {
         let is_there = self.plan.chunk(chunk).contains(&index);
         is_there.then(|| {
             let task = Task::of(&self.study, index);
-            task.identity(&self.study, &self.plan.executable)
+            task.identity(&self.study, &self.plan.program)
         })
     }
 }

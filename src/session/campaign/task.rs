@@ -1,6 +1,7 @@
 //! A task: the overrides of one simulated test, and its identity.
 
 use super::design::{Draws, again, point};
+use super::program::Program;
 use super::random::bits;
 use super::study::Study;
 use gusset_config::Scalar;
@@ -97,15 +98,15 @@ impl Task {
         self
     }
 
-    /// Identity of a task: a digest of the files, the overrides, the seed and the executable.
+    /// Identity of a task: a digest of the files, the overrides, the seed and the program.
     #[must_use]
-    pub(crate) fn identity(&self, study: &Study, executable: &str) -> String {
+    pub(crate) fn identity(&self, study: &Study, program: &Program) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
-        part(executable);
+        part(&program.digest());
         part(&study.digest);
         part(&self.motion_digest);
         part(&study.loaded.study.campaign.seed.to_string());

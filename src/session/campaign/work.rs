@@ -122,7 +122,7 @@ fn computed(campaign: &Campaign, index: u64) -> Line {
     let task = Task::of(&campaign.study, index);
     Line {
         index,
-        identity: task.identity(&campaign.study, &campaign.plan.executable),
+        identity: task.identity(&campaign.study, &campaign.plan.program),
         result: perform(&campaign.study, &task),
     }
 }

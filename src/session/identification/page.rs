@@ -1,5 +1,6 @@
 //! The page of an identification: verdict, key figures, charts and models of each axis.
 
+use nalgebra::ComplexField as _;
 use std::f64::consts::TAU;
 
 use maud::{Markup, html};
@@ -244,7 +245,7 @@ fn compared(
 fn gain(axis: &Axis, found: &Identification) -> Picture<'static> {
     let points = found.response.iter().filter(|point| point.trusted);
     let measured = points.map(|point| (point.hz, point.gain)).unzip();
-    let of_model = |fit: &Fit, hz: f64| fit.response(hz, axis.tick).norm();
+    let of_model = |fit: &Fit, hz: f64| fit.response(hz, axis.tick).modulus();
     compared(
         "gain",
         "Gain over frequency",

@@ -127,7 +127,7 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunView {
         let t = i as f64 * dt;
         let envelope = (t / 3.0).min(1.0)
             * if t > 14.0 {
-                (-(t - 14.0) / 6.0).exp()
+                libm::exp(-(t - 14.0) / 6.0)
             } else {
                 1.0
             };

@@ -28,7 +28,7 @@ const AMPLITUDE: f64 = 1e-3;
 fn jacobian() -> [[f64; 3]; 3] {
     PINS.map(|(base, joint)| {
         let span = [joint[0] - base[0], joint[1] - base[1]];
-        let length = f64::hypot(span[0], span[1]);
+        let length = libm::hypot(span[0], span[1]);
         let [x, y] = span.map(|value| value / length);
         [x, y, joint[0] * y - joint[1] * x]
     })
@@ -256,7 +256,7 @@ fn actuators_share_the_remaining_length() {
         &["--duration", "6", "--band", "0.5,12"],
     );
     for (index, (base, joint)) in PINS.iter().enumerate() {
-        let length = f64::hypot(joint[0] - base[0], joint[1] - base[1]);
+        let length = libm::hypot(joint[0] - base[0], joint[1] - base[1]);
         let way = (length - 1.0).min(1.5 - length) * GEARS[index].abs();
         let amplitude = found["axes"][index]["amplitude_m"].as_f64().unwrap();
         // Two digits, rounded down.

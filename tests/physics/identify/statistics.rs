@@ -7,6 +7,7 @@ use gusset_motion::identify::{
 };
 use gusset_motion::{Grid, Quantity};
 use gusset_numerics::law::LawSpec;
+use nalgebra::ComplexField as _;
 
 const RATE: f64 = 512.0;
 const BAND: Band = Band {
@@ -207,7 +208,7 @@ fn every_motion_distinguishes_the_models() {
             let wanted: TransferSpec = toml::from_str(transfer).unwrap();
             for point in found.response.iter().filter(|point| point.trusted) {
                 let omega = std::f64::consts::TAU * point.hz;
-                let truth = wanted.response(omega, 0.0, 0.0).norm();
+                let truth = wanted.response(omega, 0.0, 0.0).modulus();
                 // Ramps from tick to tick hold (ωΔt)²/12 less of a sine, 0.5 % at 20 Hz, and what is aliased.
                 let allowed = 6.0 * point.gain_std + 0.01;
                 assert!(
@@ -282,7 +283,7 @@ fn benchmark_plant_lags_as_published() {
             (point.delay_s - lag).abs() < 5.0 * point.delay_std_s + 2e-5 * lag,
             "{point:?} {lag}"
         );
-        let gain = truth.response(omega, 1.19e6, 114.22).norm();
+        let gain = truth.response(omega, 1.19e6, 114.22).modulus();
         assert!(
             (point.gain - gain).abs() < 5.0 * point.gain_std + 1e-4,
             "{point:?} {gain}"

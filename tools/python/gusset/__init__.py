@@ -25,7 +25,7 @@ from ._folder import Column, FolderError, Run, RunSpecimen, open
 from .specimen import Rig, Server, Specimen, SpecimenError, serve
 
 try:
-    __version__ = _metadata.version("gusset")
+    __version__ = _metadata.version("gusset-rths")
 except _metadata.PackageNotFoundError:  # used from the source tree, without installation
     __version__ = "0"
 

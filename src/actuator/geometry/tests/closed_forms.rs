@@ -53,11 +53,11 @@ fn three_actuators_match_complex_numbers() {
         let found = placed(&geometry, &pose);
         for (index, (base, joint)) in THREE.iter().enumerate() {
             // |p + e^{iθ} a − b| − |a − b|
-            let (s, c) = pose[2].sin_cos();
+            let (s, c) = libm::sincos(pose[2]);
             let x = pose[0] + c * joint[0] - s * joint[1] - base[0];
             let y = pose[1] + s * joint[0] + c * joint[1] - base[1];
-            let rest = f64::hypot(joint[0] - base[0], joint[1] - base[1]);
-            assert!((found.strokes()[index] - (f64::hypot(x, y) - rest)).abs() < EXACT);
+            let rest = libm::hypot(joint[0] - base[0], joint[1] - base[1]);
+            assert!((found.strokes()[index] - (libm::hypot(x, y) - rest)).abs() < EXACT);
             assert!((geometry.length(index).unwrap() - rest).abs() < EXACT);
         }
     }
@@ -114,10 +114,10 @@ fn plane_forces_are_resultant_and_moment() {
     geometry.pose_forces(&placed, &given, &mut found);
     let mut resultant = [0.0; 3];
     for ((base, joint), force) in THREE.iter().zip(given) {
-        let (s, c) = pose[2].sin_cos();
+        let (s, c) = libm::sincos(pose[2]);
         let arm = [c * joint[0] - s * joint[1], s * joint[0] + c * joint[1]];
         let way = [pose[0] + arm[0] - base[0], pose[1] + arm[1] - base[1]];
-        let length = f64::hypot(way[0], way[1]);
+        let length = libm::hypot(way[0], way[1]);
         let pull = [force * way[0] / length, force * way[1] / length];
         resultant[0] += pull[0];
         resultant[1] += pull[1];

@@ -1,5 +1,6 @@
 //! Commands of every kind of compensator while test time is stretched.
 
+use nalgebra::ComplexField as _;
 use std::f64::consts::TAU;
 
 use super::*;
@@ -466,7 +467,7 @@ fn delay_of(kind: &str, parameters: &[f64]) -> f64 {
             }
         })
         .sum();
-    response.arg() / omega
+    response.argument() / omega
 }
 
 /// What is learnt of a motion is learnt whether or not some of its answers are lost: the time base is that of the ticks.

@@ -517,7 +517,7 @@ fn growing_sawtooth_is_counted() {
     let tripped = |growth: f64| {
         let mut one = watch(limits);
         (0..200).position(|k| {
-            let smooth = 1e-3 * (0.02 * f64::from(k)).sin();
+            let smooth = 1e-3 * libm::sin(0.02 * f64::from(k));
             command(&mut one, smooth + 1e-6 * (-growth).powi(k))
                 .trip
                 .is_some()
@@ -541,7 +541,7 @@ fn a_smooth_motion_is_no_sawtooth() {
     for k in 0..1000 {
         let t = 0.02 * f64::from(k);
         assert_eq!(
-            command(&mut smooth, t.sin() + 0.3 * (7.0 * t).cos()).trip,
+            command(&mut smooth, libm::sin(t) + 0.3 * libm::cos(7.0 * t)).trip,
             None
         );
     }

@@ -155,7 +155,7 @@ fn shares_are_those_of_the_formula() {
             residual_ratio: 0.0,
             ..plain(response)
         };
-        let share = |spent: f64, c: f64| (spent / (capacity - spent)).powf(c);
+        let share = |spent: f64, c: f64| libm::pow(spent / (capacity - spent), c);
         let dissipated = at_cap - 0.5 * 1320.0 * 1320.0 / stiffness;
         let unloading = stiffness * (1.0 - share(dissipated, 1.2));
         let mut law = spec.build().unwrap();

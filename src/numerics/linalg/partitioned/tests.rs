@@ -74,7 +74,10 @@ fn segment_is_as_long_as_the_fill() {
     for (ground, length) in [(1.5, LENGTHS[0]), (0.2, LENGTHS[1]), (0.05, LENGTHS[2])] {
         let g: f64 = ground;
         let decay = 1.0 + g / 2.0 - (g + g * g / 4.0).sqrt();
-        assert!(44.4 / -decay.ln() < length as f64, "the premise for {g}");
+        assert!(
+            44.4 / -libm::log(decay) < length as f64,
+            "the premise for {g}"
+        );
         let factor = Partitioned::factor(&uniform(20_000, g)).unwrap();
         assert_eq!(factor.length, length);
         assert!(factor.interfaces.multiplier.is_empty());

@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, ComplexField as _, DMatrix, DVector};
 
 use super::super::eigenvalues;
 use super::{DelayError, Delayed};
@@ -98,7 +98,7 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
         .view_mut((2 * n, 2 * n), (2 * n, 2 * n))
         .copy_from(&(-a.transpose()));
     let all = eigenvalues(&hamiltonian).ok_or(DelayError::Eigenvalues)?;
-    let largest = all.iter().map(|z| z.norm()).fold(0.0, f64::max);
+    let largest = all.iter().map(|z| z.modulus()).fold(0.0, f64::max);
     let mut best: Option<Critical> = None;
     for z in all.iter().filter(|z| z.im > 1e-9 * largest) {
         // Eigenvalues that nearly touch the axis carry √ε: the gain itself decides.
@@ -109,7 +109,7 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
             continue;
         };
         // A lag stays below half a turn; at half a turn, without damping, its sign is roundoff.
-        let angle = loop_gain.arg();
+        let angle = loop_gain.argument();
         let angle = if angle > PI - 1e-6 {
             angle - 2.0 * PI
         } else {
@@ -146,13 +146,13 @@ fn refine(system: &Delayed, start: f64) -> Option<(f64, Complex<f64>)> {
     let mut omega = start;
     for _ in 0..30 {
         let gain = loop_gain(system, omega)?;
-        let value = libm::log(gain.norm());
+        let value = libm::log(gain.modulus());
         if value.abs() < 1e-13 {
             return Some((omega, gain));
         }
         let h = 1e-6 * omega;
         let (up, down) = (loop_gain(system, omega + h)?, loop_gain(system, omega - h)?);
-        let slope = (libm::log(up.norm()) - libm::log(down.norm())) / (2.0 * h);
+        let slope = (libm::log(up.modulus()) - libm::log(down.modulus())) / (2.0 * h);
         let change = -value / slope;
         if !(change.is_finite() && change.abs() < 0.1 * omega) {
             break;
@@ -163,6 +163,6 @@ fn refine(system: &Delayed, start: f64) -> Option<(f64, Complex<f64>)> {
         }
     }
     let gain = loop_gain(system, omega)?;
-    let is_crossing = (gain.norm() - 1.0).abs() < 1e-6 && (omega / start - 1.0).abs() < 0.05;
+    let is_crossing = (gain.modulus() - 1.0).abs() < 1e-6 && (omega / start - 1.0).abs() < 0.05;
     is_crossing.then_some((omega, gain))
 }

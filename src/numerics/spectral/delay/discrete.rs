@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, ComplexField as _, DMatrix, DVector};
 
 use super::super::{eigenvalues, unstable_roots};
 use super::late::Late;
@@ -171,7 +171,7 @@ impl<'a> Circle<'a> {
             dt,
             known: RefCell::default(),
             marks: marks
-                .map(|pole| (pole.arg(), -libm::log(pole.norm())))
+                .map(|pole| (pole.argument(), -libm::log(pole.modulus())))
                 .collect(),
         }
     }
@@ -192,7 +192,7 @@ impl<'a> Circle<'a> {
             let half = libm::sin(0.5 * theta);
             let difference = Complex::new(2.0 * half * half, sine);
             let second = Complex::new(-4.0 * half * half, 0.0) / (self.dt * self.dt);
-            debug_assert!((difference - (one - z.conj())).norm() < 1e-12);
+            debug_assert!((difference - (one - z.conj())).modulus() < 1e-12);
             let n = self.system.mass.nrows();
             let matrix = DMatrix::from_fn(n, n, |i, j| {
                 second * self.effective[(i, j)]
@@ -287,7 +287,7 @@ pub fn discrete(
 }
 
 fn largest(poles: &[Complex<f64>]) -> f64 {
-    poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
+    poles.iter().map(|pole| pole.modulus()).fold(0.0, f64::max)
 }
 
 /// True if the spectral radius says the same as the count of turns: within its bound at delays up to the one that was found,

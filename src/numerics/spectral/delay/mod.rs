@@ -9,7 +9,7 @@ mod late;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, ComplexField as _, DMatrix};
 use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
@@ -61,7 +61,7 @@ impl Delayed {
     #[must_use]
     pub fn growth(&self) -> Option<f64> {
         let poles = self.poles();
-        let largest = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+        let largest = poles.iter().map(|pole| pole.modulus()).fold(0.0, f64::max);
         let fastest = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
         (fastest > AT_REST * largest).then_some(fastest)
     }

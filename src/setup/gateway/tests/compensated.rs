@@ -52,7 +52,7 @@ impl Substructure for Lagging {
         let motion = [command.disp.to_vec(), command.vel.to_vec()];
         self.told.lock().unwrap().push(motion);
         self.sequence = command.sequence;
-        let share = 1.0 - (-command.dt / 0.015).exp();
+        let share = 1.0 - libm::exp(-command.dt / 0.015);
         self.disp += share * (command.disp[0] - self.disp);
         Ok(())
     }
@@ -103,7 +103,7 @@ pub fn following(table: &str) -> Result<Option<Following>, Box<gusset_config::Fi
 
 /// Targets in m at the structure: a swing of 0.3 s.
 fn targets() -> impl Iterator<Item = f64> + Clone {
-    (1..50).map(|step| 0.01 * (std::f64::consts::TAU * f64::from(step) / 15.0).sin())
+    (1..50).map(|step| 0.01 * libm::sin(std::f64::consts::TAU * f64::from(step) / 15.0))
 }
 
 /// The commands and the tracking of a gateway.
