@@ -38,15 +38,17 @@ const USUAL_WATCHDOG_S: f64 = 10.0;
 /// From one exchange of the motion that shows the direction to the next, in s.
 const PROBE_PERIOD_S: f64 = 0.01;
 
+/// A gateway, and what holds its specimen from one client's test to the next.
+type Gateway = (Host, Option<Arc<dyn Held>>);
+
 /// The gateway to the specimen of `source`, which has this link.
 pub(super) fn host(
     source: &ServedFile,
     table: &SpecimenTable,
     link: &LinkSpec,
     path: &Path,
-) -> Result<(Host, Option<Arc<dyn Held>>), Box<Finding>> {
+) -> Result<Gateway, Box<Finding>> {
     let at = &source.place;
-    let mut held = None;
     if source.is_test {
         check_test_file(table, at)?;
     }
@@ -59,17 +61,17 @@ pub(super) fn host(
         check_slow_down(pace, predict, table)?;
     }
     let step_s = source.file.serve.openfresco.step_s;
-    let build: LinkBuild = match link.protocol {
+    let (build, held): (LinkBuild, Option<Arc<dyn Held>>) = match link.protocol {
         Protocol::Gusset => {
             let pace = source.file.serve.pace.as_ref();
             let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
-            native(table, link, at, path, (step_s, paced, converts))?
+            let build = native(table, link, at, path, (step_s, paced, converts))?;
+            (build, None)
         }
         #[cfg(feature = "ethercat")]
         Protocol::Ethercat => {
             let (build, holds) = super::bus::gateway(source, (table, link))?;
-            held = Some(holds);
-            build
+            (build, Some(holds))
         }
         #[cfg(not(feature = "ethercat"))]
         Protocol::Ethercat => {
@@ -77,7 +79,7 @@ pub(super) fn host(
             return Err(Box::new(Finding::error(at.key("bus"), text)));
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
-            openfresco(link, at, path, table.axes())?
+            (openfresco(link, at, path, table.axes())?, None)
         }
     };
     let safety = source.file.safety.as_ref();

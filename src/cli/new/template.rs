@@ -159,6 +159,18 @@ const OPENSEES: Template = Template {
     ],
 };
 
+/// Offered at the end of each test.
+const ABOUT: &str = r#"
+# Who tests what, for the report, `gusset list` and archives. All keys are optional.
+# [about]
+# operator = "A. Muster"
+# laboratory = ""
+# project = ""
+# specimen = [{ id = "", material = "", state = "virgin" }]
+# keywords = ["hybrid simulation"]
+# licence = "CC-BY-4.0"
+"#;
+
 impl Template {
     /// The template of this name.
     pub const fn of(which: TemplateArg) -> Self {
@@ -187,7 +199,8 @@ impl Template {
                 );
                 replaced(&text, &own, &new)
             });
-            (format!("{name}{}", piece.suffix), text)
+            let offer = if piece.suffix == ".toml" { ABOUT } else { "" };
+            (format!("{name}{}", piece.suffix), text + offer)
         };
         self.pieces.iter().map(written).collect()
     }

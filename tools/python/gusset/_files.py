@@ -72,6 +72,8 @@ Summary = TypedDict(
         "realtime": dict[str, Any],
         "link": dict[str, LinkCounts],
         "version": str,
+        "about": dict[str, Any],
+        "origin": dict[str, Any],
         "rows_lost": int,
         "inputs": list[dict[str, Any]],
         "miss_classes": dict[str, int],
