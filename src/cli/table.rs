@@ -1,4 +1,7 @@
 //! Tables and numbers as a person reads them on a terminal.
+//!
+//! Own code, and not `comfy-table`: a table has values that are wrapped and commands that must not be, and its second column is as wide
+//! as the terminal leaves it.
 
 use std::fmt;
 

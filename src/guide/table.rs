@@ -1,4 +1,6 @@
 //! A table for a terminal: columns as wide as their cells, narrower where the terminal is too narrow.
+//!
+//! Own code, and not `comfy-table`: a cell has marks of the page's text (code, emphasis, links), which are wrapped with it.
 
 use super::inline::{width_of, wrapped};
 
