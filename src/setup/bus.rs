@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::served::Held;
+use super::held::Held;
 use super::site::Draft;
 use super::{Refused, Site, path};
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};

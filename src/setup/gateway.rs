@@ -13,10 +13,10 @@ use conversion::Client;
 pub(super) use conversion::signal_units;
 use following::Following;
 
+use super::held::Held;
 use super::links::{
     native_setup, openfresco_client, seconds, shared_key, tls_client, wire_axes, wiring_check,
 };
-use super::served::Held;
 use super::specimens::loading::at_actuators;
 use gusset_config::{
     Correction, Finding, KeyPath, LinkSpec, PaceTable, Protocol, ServedFile, SpecimenTable,

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::gateway;
+use super::held::Held;
 use super::links::{beside, wire_axes};
 use super::specimens::loading::{behind_actuators, own_offsets};
 use super::speed;
@@ -18,15 +19,6 @@ use gusset_link::server::Host;
 use gusset_proof::{Accepts, Kind, Verdict};
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
-
-/// What holds the specimen of a gateway when the tests of its clients are over.
-pub trait Held: std::fmt::Debug + Send + Sync {
-    /// True if a specimen is held now.
-    fn is_held(&self) -> bool;
-
-    /// Ends it: the operator has said that the specimen is unloaded. False if some device did not follow.
-    fn release(&self) -> bool;
-}
 
 /// A specimen that is ready to be served.
 #[derive(Debug)]

@@ -375,6 +375,7 @@ fn project_folder_has_every_part() {
         "analysis",
         "coordinator",
         "coordinator_output",
+        "designsafe.json",
         "experimental_output",
         "experimental_substructure",
         "global_model",

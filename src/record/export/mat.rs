@@ -5,22 +5,18 @@
 //! Layout after MathWorks, "MAT-File Format", chapter 1. A file of this level has at most 2 GB: a longer one is of level 7.3,
 //! with the same variables.
 
-use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::Path;
 
 use super::columns::Columns;
+use super::mat_content::{Content, LONGEST_NAME};
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported, Extra, metadata};
+use super::{ExportError, Exported, Extra};
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 
-/// Names of the variables that are no columns.
-const OWN: [&str; 4] = ["units", "meanings", "summary", "metadata"];
 /// Most bytes of a file: readers count them as `int32`.
 const MOST: u64 = i32::MAX as u64;
-/// Most letters of a name in MATLAB.
-const LONGEST_NAME: usize = 63;
 
 /// Types of the bytes of an element.
 const INT8: u32 = 1;
@@ -101,61 +97,6 @@ pub(super) fn rows_that_fit(rows: u64, columns: usize, texts: usize) -> Option<u
         .checked_mul(columns as u64)?
         .checked_add(128 + texts as u64)?;
     (size <= MOST).then(|| u32::try_from(rows).ok()).flatten()
-}
-
-/// The variables of a file of any level, without the values of the columns.
-pub(super) struct Content {
-    /// Names of the columns.
-    pub names: Vec<String>,
-    /// Structs of texts.
-    pub structs: Vec<(&'static str, Vec<(String, String)>)>,
-    /// The text of summary.json.
-    pub summary: String,
-}
-
-impl Content {
-    pub(crate) fn of(columns: &Columns) -> Self {
-        let mut names: Vec<String> = Vec::new();
-        let mut known = BTreeSet::new();
-        for name in columns.plan.names(&OWN) {
-            let mut name = identifier(&name);
-            while !known.insert(name.clone()) {
-                name.push('_');
-            }
-            names.push(name);
-        }
-        let described = || names.iter().zip(&columns.plan.columns);
-        let units = described().map(|(name, c)| (name.clone(), c.column.unit.clone()));
-        let meanings = described().map(|(name, c)| (name.clone(), c.column.meaning.clone()));
-        let of_run = metadata(&columns.run).into_iter();
-        let of_run = of_run.filter(|(key, _)| *key != "summary");
-        let of_run = of_run.map(|(key, value)| (key.to_owned(), value));
-        let [of_units, of_meanings, _, of_metadata] = OWN;
-        Self {
-            structs: vec![
-                (of_units, units.collect()),
-                (of_meanings, meanings.collect()),
-                (of_metadata, of_run.collect()),
-            ],
-            summary: columns.text("summary.json"),
-            names,
-        }
-    }
-}
-
-/// A name of MATLAB: letters, digits and underscores, a letter first.
-fn identifier(name: &str) -> String {
-    let is_begun = name.starts_with(|c: char| c.is_ascii_alphabetic());
-    let letters = name.chars().map(|c| match c {
-        c if c.is_ascii_alphanumeric() => c,
-        _ => '_',
-    });
-    let begin = (!is_begun).then_some('x');
-    begin
-        .into_iter()
-        .chain(letters)
-        .take(LONGEST_NAME)
-        .collect()
 }
 
 /// Type and size of what follows.

@@ -11,7 +11,7 @@ use hdf5_pure::mat::{Block, DataProducer, InvalidNamePolicy, MatBuilder, MatErro
 
 use super::columns::Columns;
 use super::hdf5::system;
-use super::mat::Content;
+use super::mat_content::Content;
 use super::plan::{Choice, Source};
 use super::{ExportError, Exported, Extra};
 use crate::atomic::AtomicFile;

@@ -21,6 +21,7 @@ mod hdf5;
 mod mat;
 #[cfg(feature = "hdf5")]
 mod mat73;
+mod mat_content;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod npz;
