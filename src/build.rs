@@ -68,7 +68,7 @@ fn digest(root: &Path, files: &[PathBuf]) -> io::Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// The commit of the sources, marked if they differ from it; none outside a repository of their own.
+/// The commit of the sources, marked if they differ from it; none without a repository.
 fn commit(root: &Path) -> Option<String> {
     let git = |arguments: &[&str]| {
         let mut git = Command::new("git");

@@ -16,7 +16,7 @@ use gusset_record::listing::{Listed, Peak, State, listed};
 /// Widest line.
 const COLUMNS: usize = 100;
 
-/// What a list says of `[about]`; `--json` has all of it.
+/// Keys of `[about]` in a list; `--json` has all of them.
 const LISTED: [&str; 4] = ["specimen", "operator", "laboratory", "project"];
 
 /// Default folder of runs. It need not exist yet.

@@ -3,7 +3,7 @@
 //! Two things take long: a test, which draws a [`ProgressLine`] from its first moment, and every other [`gusset_quantity::work::Work`],
 //! which is shown once it has taken two seconds.
 //!
-//! Own code, and not `indicatif`: the bar is a line of the same screen as the state of a running test, and no thread of its own draws it
+//! Own code, and not `indicatif`: the bar is a line of the same screen as the state of a running test, and no further thread draws it
 //! beside the loop.
 
 use std::sync::{Mutex, PoisonError};

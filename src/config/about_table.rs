@@ -1,4 +1,4 @@
-//! The `[about]` table: who tests what, for archives and for whoever finds the files later.
+//! The `[about]` table: who tests what, for archives and later readers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub struct AboutSpecimen {
 }
 
 impl AboutTable {
-    /// As `summary.json` has it; none if nothing is said.
+    /// The content of `about` in `summary.json`; none for an empty table.
     #[must_use]
     pub fn as_json(&self) -> Option<serde_json::Value> {
         if self.is_empty() {

@@ -32,7 +32,7 @@ pub struct TestFile {
     /// and other hidden characters are refused. Default: the name of the file.
     #[serde(default)]
     pub title: String,
-    /// Who tests what: for archives, and for whoever finds the data later.
+    /// Who tests what: for archives and later readers.
     #[serde(default, skip_serializing_if = "AboutTable::is_empty")]
     pub about: AboutTable,
     /// Integration step, duration and clock.

@@ -24,7 +24,7 @@ pub struct ServeFile {
     /// Title of the file.
     #[serde(default)]
     pub title: String,
-    /// Who tests what: for archives, and for whoever finds the data later.
+    /// Who tests what: for archives and later readers.
     #[serde(default, skip_serializing_if = "AboutTable::is_empty")]
     pub about: AboutTable,
     /// Specimens, one table each. `gusset serve` serves one of them at a time.

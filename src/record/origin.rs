@@ -40,7 +40,7 @@ pub fn introduce(program: Program) {
 pub struct Origin {
     /// UTC at which it began, as RFC 3339.
     pub began: String,
-    /// The same instant on the clock of the laboratory, with its distance from UTC and its time zone.
+    /// This instant on the clock of the laboratory, with its distance from UTC and its time zone.
     pub began_local: String,
     /// Name of the machine.
     pub host: String,
@@ -51,7 +51,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Of the run in `folder`, which began then on this machine and is made by this program.
+    /// The origin of the run in `folder`, which began then on this machine and is made by this program.
     #[must_use]
     pub fn new(began: Wall, folder: &Path) -> Self {
         let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());

@@ -8,7 +8,7 @@ use gusset_setup::build_with_bus_faults;
 
 use super::{DRIVE, INTERLOCK, OUTPUT, load, script, text};
 
-/// Ticks after which an operator holds the test, and those that the hold lasts. One word is heard per tick.
+/// Ticks after which an operator holds the test, and those that the hold lasts. One word is received per tick.
 const HOLD: [usize; 2] = [500, 300];
 
 /// Runs a test with these faults, which an operator may hold; how it ended, how many commands were sent, and the phase and the

@@ -5,7 +5,7 @@ use crate::about_table::AboutTable;
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 
-/// Refuses hidden characters, which would mislead a reader of the report, and a DOI that is none.
+/// Refuses hidden characters, which would mislead a reader of the report, and a DOI without the form of one.
 pub(super) fn check_about(about: &AboutTable, findings: &mut Findings) {
     let at = KeyPath::root().key("about");
     for (key, text) in [

@@ -20,7 +20,7 @@ pub(super) fn about(run: &Run) -> Value {
     about.unwrap_or_default()
 }
 
-/// What an archive asks for, and the run does not have.
+/// The keys that an archive asks for, and the run does not have.
 pub(super) fn unfiled(run: &Run) -> Option<Notice> {
     let about = about(run);
     let missing: Vec<&str> = ASKED
