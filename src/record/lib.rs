@@ -33,6 +33,7 @@ mod checksum;
 mod event_log;
 pub mod events;
 pub mod export;
+pub mod filed;
 pub mod folder;
 #[cfg(any(test, feature = "test-doubles"))]
 pub mod image;

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::filed::filed;
 use super::folder::{FolderError, at};
-use super::origin::filed;
 use super::run::Run;
 use super::summary::{Status, Summary};
 use super::whereabouts::is_claimed;

@@ -4,10 +4,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::rt::wall::Wall;
-use super::summary::Summary;
 use super::utc::{local, rfc3339};
 
 /// A build of this program.
@@ -72,96 +70,9 @@ impl Origin {
     }
 }
 
-/// Who tested what, when, where and by which program: keys and texts, for the head of a report and the metadata of an export. What is
-/// not known is left out.
-#[must_use]
-pub fn filed(summary: &Summary) -> Vec<(&'static str, String)> {
-    const SAID: [&str; 8] = [
-        "specimen",
-        "operator",
-        "laboratory",
-        "project",
-        "notes",
-        "keywords",
-        "licence",
-        "doi",
-    ];
-    let about = summary.about.as_ref();
-    let said = SAID
-        .into_iter()
-        .filter_map(|key| Some((key, in_words(about?.get(key)?))));
-    let mut all: Vec<_> = said.collect();
-    if let Some(origin) = &summary.origin {
-        let Program {
-            version,
-            commit,
-            features,
-            target,
-            ..
-        } = &origin.program;
-        let build = [commit, target, features].map(String::as_str);
-        let build: Vec<&str> = build.into_iter().filter(|part| !part.is_empty()).collect();
-        let second = origin.began.get(..19).unwrap_or(&origin.began);
-        all.extend([
-            ("date", format!("{second}Z")),
-            ("date_local", origin.began_local.clone()),
-            ("host", origin.host.clone()),
-            ("run_folder", origin.folder.clone()),
-            ("program", format!("Gusset {version}")),
-            ("build", build.join(" ")),
-        ]);
-    }
-    all
-}
-
-/// A value of `[about]` in one line.
-fn in_words(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Array(all) => all.iter().map(in_words).collect::<Vec<_>>().join(", "),
-        Value::Object(table) => {
-            let each: Vec<String> = table.values().map(in_words).collect();
-            match each.split_first() {
-                Some((id, [])) => id.clone(),
-                Some((id, more)) => format!("{id} ({})", more.join("; ")),
-                None => String::new(),
-            }
-        }
-        other => other.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
-
-    #[test]
-    fn who_and_what_come_first() {
-        let summary = Summary::from(json!({
-            "about": {
-                "operator": "A", "keywords": ["x", "y"],
-                "specimen": [{ "id": "B-07", "material": "steel", "state": "virgin" }, { "id": "B-08" }],
-            },
-            "origin": { "began": "then", "host": "lab", "program": { "version": "1.2.3", "target": "t" } },
-        }));
-        let told = filed(&summary);
-        let of = |name: &str| {
-            told.iter()
-                .find(|(known, _)| *known == name)
-                .map(|(_, text)| text.as_str())
-        };
-        assert_eq!(
-            told[0],
-            ("specimen", "B-07 (steel; virgin), B-08".to_owned())
-        );
-        assert_eq!(of("keywords"), Some("x, y"));
-        assert_eq!(of("host"), Some("lab"));
-        assert_eq!(of("program"), Some("Gusset 1.2.3"));
-        assert_eq!(of("build"), Some("t"));
-        assert_eq!(of("laboratory"), None);
-        assert!(filed(&Summary::from(json!({}))).is_empty());
-    }
 
     #[test]
     fn origin_is_of_this_machine() {

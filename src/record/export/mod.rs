@@ -35,10 +35,10 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::filed::filed;
 use super::folder::FolderError;
 use super::journal::{End, Journal};
 use super::missing::MissingEnd;
-use super::origin::filed;
 use super::run::{MOST_OF_A_KIND, Run};
 
 use plan::Plan;

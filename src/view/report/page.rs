@@ -15,7 +15,7 @@ use super::response::response;
 use super::sketch::sketch;
 use super::text::plural;
 use super::tracking::tracking;
-use gusset_record::origin::filed as filed_of;
+use gusset_record::filed::filed as filed_of;
 
 use super::{end_positions, events, identified, scale, tested, timing, tracked};
 

@@ -1,6 +1,6 @@
 //! README of the project folder.
 
-use crate::origin::filed;
+use crate::filed::filed;
 use crate::run::Run;
 
 /// Folder, category, what it holds.
