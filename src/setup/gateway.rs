@@ -85,10 +85,8 @@ pub(super) fn host(
     let safety = source.file.safety.as_ref();
     let accepted = safety.and_then(|safety| safety.accept_wiring.clone());
     // On a bus a specimen gets a command in every tick.
-    let every = match (&held, &source.file.serve.pace) {
-        (Some(_), Some(pace)) => pace.rate_hz.recip(),
-        _ => PROBE_PERIOD_S,
-    };
+    let on_bus = pace.filter(|_| held.is_some());
+    let every = on_bus.map(|pace| pace.rate_hz.recip());
     let (host, check) = if converts {
         let client = Client {
             units: source.client_units(),
@@ -226,7 +224,7 @@ pub fn position_reader(
 /// A gateway that passes numbers unchanged, and how it checks the wiring.
 fn passing(
     (table, link, at): (&SpecimenTable, &LinkSpec, &KeyPath),
-    (accepted, probed_every): (Option<String>, f64),
+    (accepted, probed_every): (Option<String>, Option<f64>),
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
     let n = table.axes();
@@ -248,7 +246,13 @@ fn passing(
     let by_rows = (0..n).flat_map(|i| (0..n).map(move |j| j * n + i));
     let by_rows = by_rows.map(|place| stiffness[place]).collect();
     let estimate = (by_rows, accepted);
-    let check = wiring_check(link, gears, estimate, probed_every, units.clone());
+    let check = wiring_check(
+        link,
+        gears,
+        estimate,
+        probed_every.unwrap_or(PROBE_PERIOD_S),
+        units.clone(),
+    );
     let wire = wire_axes(table, n, None);
     let host = Host::gateway(
         table.name.clone(),

@@ -9,7 +9,7 @@ use super::super::gear::{self, Rows};
 use super::super::links::{wire_axes, wiring_check};
 use super::super::specimens::loading::{at_actuators, loading_of};
 use super::following::Following;
-use super::{check_estimate, counted, reply_limit_ns};
+use super::{PROBE_PERIOD_S, check_estimate, counted, reply_limit_ns};
 use gusset_actuator::geometry::{Coordinate, LawPlace};
 use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable, axis_units};
 use gusset_control::port::limits::AxisLimits;
@@ -41,8 +41,8 @@ pub(super) struct Client {
     pub is_paced: bool,
     /// The reason to accept a specimen whose stiffness is not near the estimate.
     pub accepted: Option<String>,
-    /// From one exchange of the wiring check to the next, in s.
-    pub probed_every: f64,
+    /// From one exchange of the wiring check to the next, in s; none: the usual time.
+    pub probed_every: Option<f64>,
 }
 
 /// The gateway, and how it checks the wiring.
@@ -73,7 +73,13 @@ pub(super) fn host(
     // The port measures in m and N of the structure.
     let by_rows = converted.stiffness.iter().flatten().copied().collect();
     let estimate = (by_rows, accepted);
-    let check = wiring_check(link, gears, estimate, probed_every, Vec::new());
+    let check = wiring_check(
+        link,
+        gears,
+        estimate,
+        probed_every.unwrap_or(PROBE_PERIOD_S),
+        Vec::new(),
+    );
     let host = Host::gateway(
         table.name.clone(),
         wire,

@@ -110,7 +110,7 @@ fn targets() -> impl Iterator<Item = f64> + Clone {
 fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let (table, rig) = (table_of(compensation), lagging());
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
@@ -246,7 +246,7 @@ fn gateway_compensates_like_a_test() {
 fn session_starts_with_fresh_compensators() {
     let (table, rig) = (table_of("ats = { delay_s = 0.015 }"), lagging());
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
@@ -278,7 +278,7 @@ fn session_starts_with_fresh_compensators() {
 fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     let (table, rig) = (table_of("ats = { delay_s = 0.005 }"), lagging());
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
@@ -343,7 +343,7 @@ fn controller_resumes_with_a_static_gain() {
             sequence: 0,
         };
         let client = Client {
-            probed_every: super::super::PROBE_PERIOD_S,
+            probed_every: None,
             accepted: None,
             units: Some(SI),
             following: following(&table).unwrap(),

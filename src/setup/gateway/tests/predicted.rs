@@ -90,7 +90,7 @@ fn motion(order: Order, table: &str, targets: &[(f64, Next)]) -> Motion {
     };
     let told = Arc::clone(&rig.told);
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: compensated::following(table).unwrap(),
@@ -246,7 +246,7 @@ fn next_session_forgets_an_earlier_motion() {
     };
     let told = Arc::clone(&rig.rig.told);
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: None,

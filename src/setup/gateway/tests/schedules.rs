@@ -87,7 +87,7 @@ fn course(
     };
     let (told, times) = (Arc::clone(&rig.rig.told), Arc::clone(&rig.times));
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following,

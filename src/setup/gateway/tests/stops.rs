@@ -65,7 +65,7 @@ fn with_replies(limits: &str, pacing: Pacing, takes_ns: u64) -> (ServedSpecimen,
          link = {{ address = \"127.0.0.1:1\", probe = \"none\" }}"
     );
     let client = Client {
-        probed_every: super::super::PROBE_PERIOD_S,
+        probed_every: None,
         accepted: None,
         units: Some(SI),
         following: None,
