@@ -52,7 +52,9 @@ def same(form, found, units, meanings, rename=lambda name: name):
 
 def assert_metadata(found):
     """Checks the pairs of key and value that every format with metadata has."""
-    of = lambda name: open(os.path.join(run_dir, name), encoding="utf-8").read()
+    def of(name):
+        return open(os.path.join(run_dir, name), encoding="utf-8").read()
+
     files = {"test": "test.toml", "resolved": "resolved.toml"}
     expected = {key: of(name) for key, name in files.items() if os.path.exists(os.path.join(run_dir, name))}
     found = {key: value for key, value in found.items() if key in ("format", "test", "resolved", "summary")}
@@ -89,8 +91,13 @@ def mat(path):
 
     assert open(path, "rb").read(10) == b"MATLAB 5.0"
     d = scipy.io.loadmat(path)
-    text = lambda data: str(data[0]) if data.size else ""
-    fields = lambda data: {name: text(data[name][0, 0]) for name in data.dtype.names}
+
+    def text(data):
+        return str(data[0]) if data.size else ""
+
+    def fields(data):
+        return {name: text(data[name][0, 0]) for name in data.dtype.names}
+
     assert text(d["summary"]) == summary
     assert_metadata(fields(d["metadata"]) | {"summary": summary})
     own = ("units", "meanings", "summary", "metadata")
@@ -152,7 +159,10 @@ def parquet(path):
     for name in absent:
         assert table[name].null_count == len(rows), name
         found[name] = numpy.full(len(rows), numpy.nan)
-    of = lambda key: {name: column[key] for name, column in columns.items()}
+
+    def of(key):
+        return {name: column[key] for name, column in columns.items()}
+
     same("parquet", found, of("unit"), of("meaning"))
 
 
