@@ -1,6 +1,7 @@
 //! Which program this is: facts that `src/build.rs` finds at build time.
 
 use gusset_config::ConfigError;
+use gusset_record::origin::Build;
 use gusset_session::campaign::{Program, fixed_test};
 
 /// Version of the package.
@@ -17,6 +18,17 @@ pub const FEATURES: &str = env!("GUSSET_FEATURES");
 pub const TARGET: &str = env!("GUSSET_TARGET");
 /// Version of the compiler.
 pub const COMPILER: &str = env!("GUSSET_COMPILER");
+
+/// This build, for the origin of a run.
+pub(crate) fn build() -> Build {
+    Build {
+        version: VERSION.to_owned(),
+        commit: COMMIT.to_owned(),
+        features: FEATURES.to_owned(),
+        target: TARGET.to_owned(),
+        compiler: COMPILER.to_owned(),
+    }
+}
 
 /// The identity of this program, for campaigns. It computes a fixed test.
 ///

@@ -61,13 +61,13 @@ use clap::{CommandFactory, Parser};
 pub use exit::Exit;
 pub use log::tell_panics;
 
-use crate::program;
+use crate::program::build;
 use args::{Cli, Command, LogArg};
 use clap::ValueEnum as _;
 
 use gusset_config::Diagnostics;
 use gusset_quantity::text::printable;
-use gusset_record::origin::Program;
+use gusset_record::origin::Build;
 use gusset_record::rt::os;
 
 /// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
@@ -80,7 +80,7 @@ pub fn main() -> ExitCode {
     }
     os::ignore_file_size_signal();
     progress::show_long_work();
-    gusset_record::origin::introduce(program());
+    gusset_record::origin::introduce(build());
     if asks_for_the_build(std::env::args().skip(1)) {
         return show_build();
     }
@@ -98,17 +98,6 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// This build.
-fn program() -> Program {
-    Program {
-        version: program::VERSION.to_owned(),
-        commit: program::COMMIT.to_owned(),
-        features: program::FEATURES.to_owned(),
-        target: program::TARGET.to_owned(),
-        compiler: program::COMPILER.to_owned(),
-    }
-}
-
 /// True of `--version --verbose`, in any order and by their letters.
 fn asks_for_the_build(words: impl Iterator<Item = String>) -> bool {
     let words: Vec<String> = words.collect();
@@ -118,13 +107,13 @@ fn asks_for_the_build(words: impl Iterator<Item = String>) -> bool {
 
 /// The facts of this build.
 fn show_build() -> ExitCode {
-    let Program {
+    let Build {
         version,
         commit,
         features,
         target,
         compiler,
-    } = program();
+    } = build();
     let shown = answer(format_args!(
         "gusset {version}\ncommit {commit}\nfeatures {features}\ntarget {target}\ncompiler {compiler}"
     ));

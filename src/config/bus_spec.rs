@@ -221,11 +221,7 @@ impl BusSpec {
                     let (device, entry) = bus.place(Flow::Outputs, &command.at)?;
                     Some(format!(" {}.{}", device + 1, entry + 1))
                 }
-                (None, Some(drive)) => {
-                    let mut devices = bus.device.iter();
-                    let device = devices.position(|one| one.name == drive.device)?;
-                    Some(format!(" {}", device + 1))
-                }
+                (None, Some(drive)) => Some(format!(" {}", bus.number_of(&drive.device)? + 1)),
                 (None, None) => None,
             });
         std::iter::once(bus.interface.clone()).chain(each).collect()

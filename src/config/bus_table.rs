@@ -166,11 +166,17 @@ impl BusTable {
         self.device.iter().find(|device| device.name == name)
     }
 
+    /// Number of the device with this name, from 0.
+    #[must_use]
+    pub fn number_of(&self, name: &str) -> Option<usize> {
+        self.device.iter().position(|device| device.name == name)
+    }
+
     /// Number of the device and of its entry, from 0, that `at` names as "device.entry".
     #[must_use]
     pub fn place(&self, flow: Flow, at: &str) -> Option<(usize, usize)> {
         let (name, entry) = at.split_once('.')?;
-        let device = self.device.iter().position(|device| device.name == name)?;
+        let device = self.number_of(name)?;
         let mut entries = self.device.get(device)?.entries(flow).iter();
         let entry = entries.position(|known| known.name.as_deref() == Some(entry))?;
         Some((device, entry))

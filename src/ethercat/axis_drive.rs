@@ -210,6 +210,11 @@ impl Drive {
         self.had_torque && self.state != DriveState::OperationEnabled
     }
 
+    /// Its last command counts for one more exchange: the target stays where it is. Real-time: yes.
+    pub(crate) const fn repeat(&mut self) {
+        (self.step, self.is_told) = (0.0, true);
+    }
+
     /// Writes its outputs before an exchange. Real-time: yes.
     pub(crate) fn prepare(&mut self, image: &mut [u8]) {
         self.word = match self.wanted {

@@ -454,6 +454,14 @@ impl Bus {
         is_valid
     }
 
+    /// The last exchange once more, at the next edge; true if it was complete.
+    pub(crate) fn exchange_again(&mut self) -> bool {
+        self.drives.iter_mut().for_each(Drive::repeat);
+        let edge = self.next_edge();
+        self.line.wait_until(edge);
+        self.exchange()
+    }
+
     /// The next moment at which an exchange is due, on the clock of this machine: the bus clock has its phase there.
     pub(crate) fn next_edge(&self) -> Nanos {
         let period = self.plan.period_ns;

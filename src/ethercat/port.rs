@@ -549,18 +549,8 @@ impl Substructure for BusPort {
         };
         let mut is_valid = self.receive(&mut held, deadline);
         while !is_valid && self.shared.is_lent() && Self::loss(&held.bus).is_none() {
-            // A gateway has one answer for each command: it sends the same one again.
-            let movers = self.places.iter().flat_map(|places| &places.movers);
-            for (mover, disp) in movers.zip(&self.disp) {
-                if let Mover::Drive(drive) = mover
-                    && let Some((drive, _)) = held.bus.drive(*drive)
-                {
-                    let _ = drive.aim(*disp);
-                }
-            }
-            let edge = held.bus.next_edge();
-            held.bus.wait_until(edge);
-            is_valid = held.bus.exchange();
+            // A gateway has one answer for each command.
+            is_valid = held.bus.exchange_again();
         }
         let loss = Self::loss(&held.bus);
         self.stats = held.bus.stats();

@@ -1,8 +1,8 @@
-//! A run as it is filed: who tested what, when, where and by which program.
+//! Description of a run for a file: who tested what, when, where and by which program.
 
 use serde_json::Value;
 
-use super::origin::Program;
+use super::origin::Build;
 use super::summary::Summary;
 
 /// Who tested what, when, where and by which program: keys and texts, for the head of a report and the metadata of an export. What is
@@ -25,7 +25,7 @@ pub fn filed(summary: &Summary) -> Vec<(&'static str, String)> {
         .filter_map(|key| Some((key, in_words(about?.get(key)?))));
     let mut all: Vec<_> = said.collect();
     if let Some(origin) = &summary.origin {
-        let Program {
+        let Build {
             version,
             commit,
             features,

@@ -11,7 +11,7 @@ use super::utc::{local, rfc3339};
 /// A build of this program.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Program {
+pub struct Build {
     /// Its version.
     pub version: String,
     /// Commit of its sources, or "unknown".
@@ -25,11 +25,11 @@ pub struct Program {
 }
 
 /// The program that runs, as its `main` says it.
-static PROGRAM: OnceLock<Program> = OnceLock::new();
+static BUILD: OnceLock<Build> = OnceLock::new();
 
 /// Says which program runs, once.
-pub fn introduce(program: Program) {
-    let _it_may_be_known = PROGRAM.set(program);
+pub fn introduce(build: Build) {
+    let _it_may_be_known = BUILD.set(build);
 }
 
 /// Where a run comes from.
@@ -45,7 +45,7 @@ pub struct Origin {
     /// Its folder, as an absolute path.
     pub folder: String,
     /// The program that made it.
-    pub program: Program,
+    pub program: Build,
 }
 
 impl Origin {
@@ -53,7 +53,7 @@ impl Origin {
     #[must_use]
     pub fn new(began: Wall, folder: &Path) -> Self {
         let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-        let program = PROGRAM.get().cloned();
+        let program = BUILD.get().cloned();
         Self {
             began: rfc3339(began.0),
             began_local: local(began.0),
@@ -62,9 +62,9 @@ impl Origin {
                 .to_string_lossy()
                 .into_owned(),
             folder: folder.display().to_string(),
-            program: program.unwrap_or_else(|| Program {
+            program: program.unwrap_or_else(|| Build {
                 version: env!("CARGO_PKG_VERSION").to_owned(),
-                ..Program::default()
+                ..Build::default()
             }),
         }
     }

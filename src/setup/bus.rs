@@ -2,15 +2,15 @@
 //!
 //! On the simulated clock the devices are simulated in this process, and the stand-in of each specimen is what they move.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use super::held::Held;
 use super::site::Draft;
 use super::{Refused, Site, path};
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::{
     Acceptance, BusAxis, BusClock, BusCondition, BusSpec, BusTable, ClockChoice, ConfigError,
-    DeviceTable, Finding, Flow, KeyPath, LinkSpec, Loaded, ServedFile, SpecimenTable, TimingSpec,
+    DeviceTable, Finding, Flow, KeyPath, LinkSpec, Loaded, SpecimenTable, TimingSpec,
 };
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{OnStale, WaitRules};
@@ -21,7 +21,6 @@ use gusset_ethercat::plan::{
 };
 use gusset_ethercat::simulated::{Plant, SimulatedBus, SimulatedLine, SimulationError};
 use gusset_ethercat::{BusError, BusPort, FollowingClock, Keeper, Opener, SharedBus};
-use gusset_link::served::{Controller, LinkBuild};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::time::SimClock;
 use gusset_record::rt::clock::MonotonicClock;
@@ -68,10 +67,7 @@ fn specimen_plan(bus: &BusTable, spec: &BusSpec, units: &[(f64, f64)]) -> Option
                 per_count: command.m_per_count / metres,
                 zero_count: command.offset_count,
             }),
-            (None, Some(drive)) => {
-                let mut devices = bus.device.iter();
-                CommandPlan::Drive(devices.position(|one| one.name == drive.device)?)
-            }
+            (None, Some(drive)) => CommandPlan::Drive(bus.number_of(&drive.device)?),
             (None, None) => return None,
         };
         let force = &axis.force;
@@ -139,7 +135,7 @@ fn drive_plan(specimens: &[SpecimenTable], device: &DeviceTable) -> Option<Drive
 }
 
 /// The bus of this name as its file says it, with the samples of the specimens on it. `period_s`: time from tick to tick in s.
-fn bus_plan(
+pub(super) fn bus_plan(
     (specimens, period_s): (&[SpecimenTable], f64),
     (name, bus): (&str, &BusTable),
 ) -> BusPlan {
@@ -187,7 +183,7 @@ fn carries_command(bus: &BusTable, spec: &BusSpec, device: &DeviceTable) -> bool
 }
 
 /// A device that commands an axis, and may drop its outputs at the expiry of its watchdog.
-fn drops_outputs(name: &str, bus: &BusTable, spec: &BusSpec) -> Option<Finding> {
+pub(super) fn drops_outputs(name: &str, bus: &BusTable, spec: &BusSpec) -> Option<Finding> {
     let mut devices = bus.device.iter();
     let device = devices.find(|one| {
         carries_command(bus, spec, one)
@@ -205,101 +201,21 @@ fn drops_outputs(name: &str, bus: &BusTable, spec: &BusSpec) -> Option<Finding> 
     ))
 }
 
-/// The bus of a gateway. It stays in operation from one client's test to the next.
-#[derive(Debug)]
-struct LentBus {
-    plan: BusPlan,
-    interface: String,
-    timing: TimingSpec,
-    shared: Mutex<Option<Arc<SharedBus>>>,
-}
-
-impl LentBus {
-    /// The bus, which is not connected yet if it is new.
-    fn shared(&self) -> Option<Arc<SharedBus>> {
-        let mut place = self.shared.lock().ok()?;
-        let known = place.take().filter(|shared| !shared.is_over());
-        let shared = known.unwrap_or_else(|| {
-            let interface = self.interface.clone();
-            let open = move || super::bus_line::open(&interface);
-            let keeper = keeper(&self.timing, self.plan.period_ns);
-            let shared = SharedBus::new(
-                self.plan.clone(),
-                (bus_source(), 1),
-                Box::new(open),
-                Some(keeper),
-            );
-            shared.lend();
-            shared
-        });
-        *place = Some(Arc::clone(&shared));
-        Some(shared)
-    }
-
-    fn opened(&self) -> Option<Arc<SharedBus>> {
-        self.shared.lock().ok()?.clone()
-    }
-}
-
-impl Held for LentBus {
-    fn is_held(&self) -> bool {
-        self.opened().is_some_and(|shared| shared.is_held())
-    }
-
-    fn release(&self) -> bool {
-        self.opened().is_none_or(|shared| shared.release())
-    }
-}
-
-/// Links of a gateway to a specimen on a bus, and what holds it.
-pub(super) fn gateway(
-    source: &ServedFile,
-    (table, link): (&SpecimenTable, &LinkSpec),
-) -> Result<(LinkBuild, Arc<dyn Held>), Box<Finding>> {
-    let at = &source.place;
-    let (Some(spec), Some(bus)) = (&table.bus, source.file.bus.get(&link.address)) else {
+/// The bus of a specimen, and the specimen on it. `units` as in [`specimen_plan`].
+pub(super) fn planned<'a>(
+    at: &KeyPath,
+    (table, link): (&'a SpecimenTable, &LinkSpec),
+    buses: &'a BTreeMap<String, BusTable>,
+    units: &[(f64, f64)],
+) -> Result<(&'a BusSpec, &'a BusTable, SpecimenPlan), Box<Finding>> {
+    let (Some(spec), Some(bus)) = (&table.bus, buses.get(&link.address)) else {
         let text = format!("there is no `[bus.{}]`", link.address);
         return Err(Box::new(Finding::error(at.key("bus").key("bus"), text)));
     };
-    let Some(pace) = &source.file.serve.pace else {
-        let text = "a specimen on a bus gets a command in every tick, and this file does not say how its client's targets are paced";
-        let finding = Finding::error(at.key("bus"), text);
-        return Err(Box::new(finding.help(
-            "copy [[specimen]] and [bus] into a file for `gusset serve` with [serve.pace]",
-        )));
-    };
-    if bus.clock == BusClock::Follow {
-        let text = "a gateway leads the clock of its bus";
-        let finding = Finding::error(path("bus").key(&link.address).key("clock"), text);
-        return Err(Box::new(finding.help("set `clock = \"free\"`")));
-    }
-    if let Some(finding) = drops_outputs(&link.address, bus, spec) {
-        return Err(Box::new(finding));
-    }
-    let units = table.units_of(table.axes());
-    let units: Vec<_> = units.iter().map(|one| (one.metres, one.newtons)).collect();
-    let Some(plan) = specimen_plan(bus, spec, &units) else {
-        let text = "an entry of this specimen is not on its bus";
-        return Err(Box::new(Finding::error(at.key("bus").key("axis"), text)));
-    };
-    let specimens = std::slice::from_ref(table);
-    let lent = Arc::new(LentBus {
-        plan: bus_plan(
-            (specimens, pace.rate_hz.recip()),
-            (link.address.as_str(), bus),
-        ),
-        interface: bus.interface.clone(),
-        timing: source.file.timing.clone().unwrap_or_default(),
-        shared: Mutex::new(None),
-    });
-    let held: Arc<dyn Held> = Arc::clone(&lent) as Arc<dyn Held>;
-    let build: LinkBuild = Arc::new(move |_: &Controller| {
-        let shared = lent
-            .shared()
-            .ok_or("internal error: a panic with the bus")?;
-        Ok(Box::new(BusPort::new(shared, plan.clone())))
-    });
-    Ok((build, held))
+    let text = "an entry of this specimen is not on its bus";
+    let plan = specimen_plan(bus, spec, units)
+        .ok_or_else(|| Box::new(Finding::error(at.key("bus").key("axis"), text)))?;
+    Ok((spec, bus, plan))
 }
 
 /// A specimen on its bus, and how it is waited for. `plant` is what a simulated bus moves.
@@ -310,13 +226,9 @@ pub(super) fn on_bus(
     units: &[(f64, f64)],
     plant: Option<Box<dyn Specimen>>,
 ) -> Result<(BusPort, WaitRules), Refused> {
-    let (Some(spec), Some(bus)) = (&table.bus, site.loaded.file.bus.get(&link.address)) else {
-        let text = format!("there is no `[bus.{}]`", link.address);
-        return site.refuse(Finding::error(at.key("bus").key("bus"), text));
-    };
-    let Some(plan) = specimen_plan(bus, spec, units) else {
-        let text = "an entry of this specimen is not on its bus";
-        return site.refuse(Finding::error(at.key("bus").key("axis"), text));
+    let (spec, bus, plan) = match planned(at, (table, link), &site.loaded.file.bus, units) {
+        Ok(found) => found,
+        Err(finding) => return site.refuse(*finding),
     };
     let mut others = site
         .loaded
@@ -402,7 +314,7 @@ fn draft(site: &Site<'_>, name: &str, bus: &BusTable) -> Draft {
 }
 
 /// The keeper is as urgent as the loop but for one step, on the first processor: it alone feeds drives while the operator is awaited.
-fn keeper(timing: &TimingSpec, period_ns: u64) -> Keeper {
+pub(super) fn keeper(timing: &TimingSpec, period_ns: u64) -> Keeper {
     let plan = super::rt_plan(timing, period_ns);
     let prepare = move || {
         let cpus = os::process_cpus();

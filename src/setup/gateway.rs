@@ -70,7 +70,7 @@ pub(super) fn host(
         }
         #[cfg(feature = "ethercat")]
         Protocol::Ethercat => {
-            let (build, holds) = super::bus::gateway(source, (table, link))?;
+            let (build, holds) = super::lent_bus::gateway(source, (table, link))?;
             (build, Some(holds))
         }
         #[cfg(not(feature = "ethercat"))]

@@ -23,6 +23,8 @@ mod ground;
 mod held;
 mod histories;
 mod ideal;
+#[cfg(feature = "ethercat")]
+mod lent_bus;
 mod limits;
 mod links;
 mod margin;

@@ -365,7 +365,7 @@ fn commanded(bus: &BusTable, axis: &BusAxis, at: &KeyPath) -> Vec<((usize, usize
     let Some(drive) = &axis.drive else {
         return found;
     };
-    let device = bus.device.iter().position(|one| one.name == drive.device);
+    let device = bus.number_of(&drive.device);
     let Some((device, table)) = device.and_then(|index| Some((index, bus.device.get(index)?)))
     else {
         return found;
