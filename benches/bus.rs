@@ -2,7 +2,8 @@
 //!
 //! `cargo bench --bench bus`, as root or where the kernel gives namespaces (it starts itself again by `unshare`). Medians of one run:
 //!
-//! - *exchange*: from the send to the inputs, with a peer that spins, and with one that sleeps until a frame comes;
+//! - *exchange*: from the send to the inputs, with a peer that spins, and with one that sleeps until a frame comes. Each of the two
+//!   has a processor, and the priority of a loop where the system grants it;
 //! - *start*: from the first frame to OP of four devices;
 //! - *share*: one tick with ten drives, without the devices: they answer from a copy.
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
@@ -16,8 +17,8 @@ use gusset_ethercat::plan::{BusPlan, DevicePlan, DrivePlan, TimeSource};
 use gusset_ethercat::simulated::{SimulatedBus, SimulatedLine};
 use gusset_ethercat::{Bus, bring_up};
 use gusset_quantity::time::{Nanos, SimClock};
-use gusset_record::rt::os;
 use gusset_record::rt::packet::PacketSocket;
+use gusset_record::rt::{Granted, RtPlan, apply, os};
 use gusset_setup::open_bus_line;
 
 const SOURCE: [u8; 6] = [0x10, 1, 2, 3, 4, 5];
@@ -140,6 +141,19 @@ fn share() {
     );
 }
 
+/// The conditions of a loop's thread for the calling one, on this processor.
+fn bind_to(processor: usize) -> Granted {
+    apply(&RtPlan {
+        fifo_priority: Some(80),
+        cpu: Some(processor),
+        lock_memory: false,
+        hold_cpu_awake: true,
+        spin_ns: 0,
+        period_ns: 1_000_000,
+        require: false,
+    })
+}
+
 fn over_a_pair(near: &str, far: &str, spins: bool) {
     let over = Arc::new(AtomicBool::new(false));
     let is_over = Arc::clone(&over);
@@ -147,6 +161,7 @@ fn over_a_pair(near: &str, far: &str, spins: bool) {
     let plan = plan(1);
     let mut devices = SimulatedBus::new(&plan, Vec::new(), Vec::new()).unwrap();
     let peer = std::thread::spawn(move || {
+        let _awake = bind_to(0);
         let mut frame = [0; 1514];
         while !is_over.load(Ordering::Relaxed) {
             // A deadline in the past spins; a far one sleeps.
@@ -204,6 +219,7 @@ fn main() {
                 .success()
         );
     }
+    let _awake = bind_to(1);
     over_a_pair("near", "far", true);
     over_a_pair("near", "far", false);
 }
