@@ -29,8 +29,8 @@ const READINGS: Confirmable = Confirmable {
 };
 
 const RELEASE: Confirmable = Confirmable {
-    here: "the drives hold the specimen with torque. Unload every axis, then press Enter, y or yes: the torque ends.",
-    elsewhere: "the drives hold the specimen with torque; unload every axis, then confirm",
+    here: "torque or outputs hold the specimen. Unload every axis, then press Enter, y or yes: they end.",
+    elsewhere: "torque or outputs hold the specimen; unload every axis, then confirm",
 };
 
 /// Refuses a test that needs a confirmation without a terminal; adds a warning if `--yes` confirms it unseen.

@@ -54,7 +54,7 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
         Order::Continue => None,
     };
     let mut is_told = false;
-    let mut was_leaving = false;
+    let (mut was_leaving, mut is_release) = (false, false);
     let mut waited = Duration::ZERO;
     let (mut silent_since, mut warned) = (None, false);
     loop {
@@ -66,6 +66,7 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
                 silent_since = None;
                 // The phase before the request took effect: the control socket reads it first.
                 was_leaving |= !is_told && seen.phase == Phase::Leaving;
+                is_release |= asked == Request::Confirm && accepted && seen.awaits_release();
                 match word {
                     None => {
                         word = Some(to_go_on(seen));
@@ -77,6 +78,10 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
                         return Err(another_hold(hold, seen));
                     }
                     Some(_) if !accepted => return Err(not_taken(seen.phase)),
+                    Some(Request::Confirm) if is_release && !seen.unconfirmed => {
+                        return Ok("confirmed: torque and outputs end".to_owned());
+                    }
+                    Some(_) if is_release && waited < PATIENCE => is_told = true,
                     Some(word) if is_told => {
                         if let Some(outcome) = judge(word, seen, waited >= PATIENCE) {
                             return outcome;
@@ -86,6 +91,7 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
                 }
                 waited += LOOK_EVERY;
             }
+            Err(Unanswered::Over(_)) if is_release => return Ok("ended".to_owned()),
             Err(Unanswered::Over(_)) if is_told => {
                 return over(word.unwrap_or(Request::Phase), was_leaving, || {
                     ended_otherwise(folder)

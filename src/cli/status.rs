@@ -128,6 +128,9 @@ impl<'a> Sight<'a> {
     fn phase(&self) -> String {
         let seen = self.board.glimpse();
         let phase = seen.phase;
+        if seen.awaits_release() {
+            return "UNLOAD EVERY AXIS, THEN CONFIRM".to_owned();
+        }
         // The slowest tests make a row in some seconds; then the limit follows from the period.
         if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
             return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());

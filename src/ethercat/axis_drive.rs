@@ -150,6 +150,11 @@ impl Drive {
         self.step != 0.0
     }
 
+    /// True if its target can come to rest within one tick.
+    pub(crate) fn can_stop(&self) -> bool {
+        self.step.abs() <= self.brake
+    }
+
     /// True if its axis was brought to rest for want of a command.
     pub(crate) const fn has_rested(&self) -> bool {
         self.has_rested
@@ -213,6 +218,12 @@ impl Drive {
     /// Its last command counts for one more exchange: the target stays where it is. Real-time: yes.
     pub(crate) const fn repeat(&mut self) {
         (self.step, self.is_told) = (0.0, true);
+    }
+
+    /// It went without targets for a while. One that could not rest at once takes no more. Real-time: yes.
+    pub(crate) fn note_silence(&mut self) {
+        self.has_rested |= !self.can_stop();
+        self.step = 0.0;
     }
 
     /// Writes its outputs before an exchange. Real-time: yes.

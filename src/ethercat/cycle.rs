@@ -84,6 +84,8 @@ struct Tally {
     asked: usize,
     culprit: Option<(usize, u8, u16)>,
     line_fault: Option<LineFault>,
+    /// The clock of the bus was not near the expected time in the last exchange.
+    has_jumped: bool,
     stats: LinkStats,
 }
 
@@ -116,8 +118,18 @@ impl Bus {
             let starts = [member.outputs.start, member.inputs.start];
             Some(Drive::new((index, device, drive), starts, period_s))
         });
+        let mut image = vec![0; length];
+        for (at, count) in &plan.standing {
+            let entries = plan.devices.get(at.device).map(|device| &device.outputs);
+            let start = members.get(at.device).map(|member| member.outputs.start);
+            if let (Some(entries), Some(start)) = (entries, start)
+                && let Some(place) = Place::nth(entries, start, at.entry)
+            {
+                place.write(*count, &mut image);
+            }
+        }
         Ok(Self {
-            image: vec![0; length],
+            image,
             drives: drives.collect::<Result<_, _>>()?,
             tally: Tally {
                 index: 0,
@@ -129,6 +141,7 @@ impl Bus {
                 asked: 0,
                 culprit: None,
                 line_fault: None,
+                has_jumped: false,
                 stats: LinkStats::default(),
             },
             line,
@@ -367,7 +380,11 @@ impl Bus {
             && let Some(bytes) = time.bytes(frame).first_chunk()
             && time.counter(frame) > 0
         {
-            follower.read(u64::from_le_bytes(*bytes), tally.sent);
+            tally.has_jumped = !follower.read(u64::from_le_bytes(*bytes), tally.sent);
+        }
+        if tally.has_jumped {
+            tally.outcome = Outcome::Incomplete;
+            return;
         }
         tally.outcome = Outcome::Valid;
         tally.culprit = None;
@@ -452,6 +469,16 @@ impl Bus {
             self.tally.stale = 0;
         }
         is_valid
+    }
+
+    /// True if the command of the last exchange can stay for another one: every drive can stop in one tick. Real-time: yes.
+    pub(crate) fn repeats(&self) -> bool {
+        self.drives.iter().all(Drive::can_stop)
+    }
+
+    /// Time since the last exchange began, in ns. Real-time: yes.
+    pub(crate) fn silent_ns(&self) -> u64 {
+        self.line.now().since(self.tally.sent)
     }
 
     /// The last exchange once more, at the next edge; true if it was complete.
@@ -555,6 +582,9 @@ impl Bus {
     fn stale_error(&self) -> BusError {
         let what = match self.tally.outcome {
             Outcome::Silent => "no reply came: look at the cable",
+            _ if self.tally.has_jumped => {
+                "the clock of the bus has jumped by more than half a tick"
+            }
             _ => "a device did not take part in the exchange (working counter)",
         };
         BusError::Stale {
@@ -608,6 +638,11 @@ impl Bus {
         all.all(|drive| drive.state() == DriveState::OperationEnabled)
     }
 
+    /// The loop was silent for so long that the drives went without targets: those that moved take no more commands. Real-time: yes.
+    pub(crate) fn note_silence(&mut self) {
+        self.drives.iter_mut().for_each(Drive::note_silence);
+    }
+
     /// The first drive that is to have no torque, or a quick stop, or takes no more commands.
     pub(crate) fn unwanted(&self) -> Option<&str> {
         let mut drives = self.drives.iter();
@@ -615,11 +650,12 @@ impl Bus {
         Some(self.name(drive.device))
     }
 
-    /// Takes the torque from these drives, or from all of them, and waits until they have none.
-    pub(crate) fn take_torque(&mut self, of: Option<&[usize]>) {
+    /// Takes the torque from these drives, or from all of them, and waits until they have none; false if one keeps it. A bus that
+    /// was lost for longer than the watchdog of its devices says nothing more.
+    pub(crate) fn take_torque(&mut self, of: Option<&[usize]>) -> bool {
         let of = of.map_or_else(|| (0..self.drives.len()).collect(), <[usize]>::to_vec);
         if of.is_empty() {
-            return;
+            return true;
         }
         for index in &of {
             if let Some(drive) = self.drives.get_mut(*index) {
@@ -627,9 +663,12 @@ impl Bus {
             }
         }
         let off = |bus: &mut Self| {
-            Ok(bus.is_past_watchdog() || of.iter().all(|index| !bus.have_torque(&[*index])))
+            let hold = of.iter().filter_map(|index| bus.drives.get(*index));
+            let is_off =
+                bus.tally.outcome == Outcome::Valid && !hold.into_iter().any(Drive::has_torque);
+            Ok(is_off || bus.is_past_watchdog())
         };
-        let _ = self.exchange_until(off, &mut || true);
+        self.exchange_until(off, &mut || true).unwrap_or_default() && !self.is_past_watchdog()
     }
 
     /// Leaves normal operation, if the devices still take part; true if they did.

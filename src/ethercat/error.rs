@@ -171,6 +171,17 @@ pub enum BusError {
     /// An axis that was brought to rest got a command.
     #[error("no command came in time: the axis was brought to rest and takes no more commands")]
     Rested,
+    /// A reply is missing while a drive moves, and the command would be sent once more.
+    #[error(
+        "a reply is missing while a drive moves that cannot stop in one tick: it was brought to rest, because a gateway sends a \
+         command again only to an axis that stands"
+    )]
+    Unrepeated,
+    /// The standing command does not fit its output.
+    #[error(
+        "the standing command is count {0:.0}, which its output cannot carry: correct `m_per_count` or `stands_at_m`"
+    )]
+    Beyond(f64),
     /// A drive holds its axis, but takes no commands since the last test.
     #[error(
         "drive `{0}` takes no commands since the last test: unload its axis, end the program, then start again"

@@ -58,6 +58,8 @@ pub(crate) struct Follower {
     correction: f64,
     least: f64,
     readings: u32,
+    /// Readings in a row that were far from the expected one.
+    far: u32,
     is_set: bool,
 }
 
@@ -72,24 +74,28 @@ impl Follower {
             correction: 0.0,
             least: f64::INFINITY,
             readings: 0,
+            far: 0,
             is_set: false,
         }
     }
 
-    /// Takes the system time in ns that a frame brought back, which left at `sent` on the clock of this machine. Real-time: yes.
-    pub(crate) fn read(&mut self, bus_ns: u64, sent: Nanos) {
+    /// Takes the system time in ns that a frame brought back, which left at `sent` on the clock of this machine. False if it was
+    /// far from the expected one for many ticks in a row: the clock of the bus has jumped. Real-time: yes.
+    pub(crate) fn read(&mut self, bus_ns: u64, sent: Nanos) -> bool {
         let deviation = bus_ns.wrapping_sub(sent.0) as i64;
         if !self.is_set {
             self.is_set = true;
             self.base = deviation;
             self.time.base.store(deviation, Ordering::Release);
-            return;
+            return true;
         }
         let error = deviation.wrapping_sub(self.base) as f64 - self.offset;
         if error.abs() > 0.5 * self.period_ns {
-            // A clock does not jump: the reading is wrong.
-            return;
+            // One late frame says nothing.
+            self.far = self.far.saturating_add(1);
+            return self.far < READINGS;
         }
+        self.far = 0;
         if error < self.least {
             self.least = error;
         }
@@ -110,6 +116,7 @@ impl Follower {
         self.correction -= step;
         self.offset += (self.drift + step).clamp(-most, most);
         self.publish();
+        true
     }
 
     /// Bus time less the time of this machine, in ns. Real-time: yes.
@@ -235,6 +242,17 @@ mod tests {
             assert!(jump <= 0.0101 * PERIOD as f64, "{jump} ns");
             assert!((time.ppm() - ppm).abs() < 5.0, "{} ppm", time.ppm());
         }
+    }
+
+    #[test]
+    fn a_jump_of_the_bus_clock_is_noticed() {
+        let mut follower = Follower::new(Arc::default(), 1000);
+        let read =
+            |follower: &mut Follower, k: u64, jump| follower.read(k * 1000 + jump, Nanos(k * 1000));
+        assert!((0..50).all(|k| read(&mut follower, k, 0)));
+        assert!(read(&mut follower, 50, 700) && read(&mut follower, 51, 0));
+        let noticed = (52..99).position(|k| !read(&mut follower, k, 700));
+        assert_eq!(noticed, Some(READINGS as usize - 1));
     }
 
     #[test]

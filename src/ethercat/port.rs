@@ -43,11 +43,23 @@ impl Signal {
         self.scaled.value(self.place.read(image))
     }
 
-    /// Writes a value; true if it is beyond the type.
-    fn write(&self, value: f64, image: &mut [u8]) -> bool {
+    /// True if it is at an end of its type, where a sensor reads no more. An unsigned one may be at 0.
+    fn is_at_end(&self, image: &[u8]) -> bool {
+        let count = self.place.read(image);
+        let (low, high) = self.place.kind.range();
+        count >= high || (low < 0.0 && count <= low)
+    }
+
+    /// The count of a value, and that within its type.
+    fn counts(&self, value: f64) -> (f64, f64) {
         let count = self.scaled.count(value);
         let (low, high) = self.place.kind.range();
-        let limited = count.clamp(low, high);
+        (count, count.clamp(low, high))
+    }
+
+    /// Writes a value; true if it is beyond the type.
+    fn write(&self, value: f64, image: &mut [u8]) -> bool {
+        let (count, limited) = self.counts(value);
         self.place.write(limited, image);
         limited != count
     }
@@ -315,6 +327,10 @@ impl BusPort {
         }
         places.are_at(disp, bus)?;
         if bus.state() != AlState::Op {
+            // The devices must have the standing command before they use it.
+            if !bus.exchange_until(|bus| Ok(bus.trouble().2 == 0), wanted)? {
+                return Err(bus.complaint().unwrap_or(BusError::NoDevice));
+            }
             self.shared.set_live();
             bus.go_to(AlState::Op, wanted)?;
         }
@@ -338,8 +354,8 @@ impl BusPort {
         armed
     }
 
-    /// Receives the inputs of this tick, once for all specimens of the bus. Real-time: yes.
-    fn receive(&self, held: &mut Held, deadline: Nanos) -> bool {
+    /// Receives the inputs of this tick, once for all specimens of the bus; none if the bus was closed. Real-time: yes.
+    fn receive(&self, mut held: Box<Held>, deadline: Nanos) -> Option<(Box<Held>, bool)> {
         if held.stage == Stage::Writing {
             held.bus.send();
             held.stage = Stage::Sent;
@@ -353,12 +369,14 @@ impl BusPort {
             let mut is_valid = held.bus.receive(deadline);
             if let (true, Some(after)) = (is_valid, held.bus.plan().sample_after_ns) {
                 let at = held.bus.sent().plus(after);
-                held.bus.wait_until(at);
-                is_valid = held.bus.sample(deadline);
+                held = self.shared.wait_until(held, at)?;
+                // The keeper may have exchanged meanwhile.
+                is_valid = held.stage == Stage::Sent && held.bus.sample(deadline);
             }
             held.stage = Stage::Done(is_valid);
         }
-        held.stage == Stage::Done(true)
+        let is_valid = held.stage == Stage::Done(true);
+        Some((held, is_valid))
     }
 
     /// Flags of this tick. Real-time: yes.
@@ -373,7 +391,9 @@ impl BusPort {
         if lost_torque || !Places::all_right(&places.interlock, bus) {
             status.0 |= Status::INTERLOCK.0;
         }
-        if self.is_saturated || !Places::all_right(&places.good, bus) {
+        let mut sensors = places.forces.iter().chain(places.disps.iter().flatten());
+        let is_at_end = sensors.any(|sensor| sensor.is_at_end(bus.image()));
+        if self.is_saturated || is_at_end || !Places::all_right(&places.good, bus) {
             status.0 |= Status::SATURATED.0;
         }
         status
@@ -396,7 +416,10 @@ impl BusPort {
 const fn fault_of(error: &BusError) -> LinkFault {
     match error {
         BusError::Line(LineFault::Down | LineFault::Full) => LinkFault::Closed,
-        BusError::NoDevice | BusError::Silent { .. } | BusError::Stale { .. } => LinkFault::Timeout,
+        BusError::NoDevice
+        | BusError::Silent { .. }
+        | BusError::Stale { .. }
+        | BusError::Unrepeated => LinkFault::Timeout,
         _ => LinkFault::Refused,
     }
 }
@@ -450,13 +473,22 @@ impl Substructure for BusPort {
         };
         let holds_its_outputs = self.shared.is_lent() && self.shared.is_live();
         let movers = self.places.iter().flat_map(|places| &places.movers);
+        let mut beyond = None;
         for (mover, disp) in movers.zip(disp) {
             if let (Mover::Output(signal), false) = (mover, holds_its_outputs) {
+                let (count, limited) = signal.counts(*disp);
+                if count != limited {
+                    beyond = Some(count);
+                    break;
+                }
                 signal.write(*disp, held.bus.image());
             }
         }
-        self.disp.copy_from_slice(disp);
         self.shared.put_back(held);
+        if let Some(count) = beyond {
+            return Err(self.complain(&BusError::Beyond(count)));
+        }
+        self.disp.copy_from_slice(disp);
         Ok(())
     }
 
@@ -496,10 +528,15 @@ impl Substructure for BusPort {
     }
 
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.shared.set_idle(false);
         let Some(mut held) = self.shared.take() else {
             return Err(LinkFault::Closed);
         };
+        // While it is held here, the keeper takes no part.
+        self.shared.set_idle(false);
+        let is_on_clock = !self.shared.is_on_simulated_time();
+        if is_on_clock && held.bus.silent_ns() > self.shared.silence_ns() {
+            held.bus.note_silence();
+        }
         if let Stage::Done(_) = held.stage {
             if self.shared.is_on_simulated_time() {
                 let edge = held.bus.next_edge();
@@ -544,15 +581,21 @@ impl Substructure for BusPort {
     }
 
     fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        let Some(mut held) = self.shared.take() else {
+        let held = self.shared.take();
+        let Some((mut held, mut is_valid)) = held.and_then(|held| self.receive(held, deadline))
+        else {
             return Err(LinkFault::Closed);
         };
-        let mut is_valid = self.receive(&mut held, deadline);
-        while !is_valid && self.shared.is_lent() && Self::loss(&held.bus).is_none() {
-            // A gateway has one answer for each command.
-            is_valid = held.bus.exchange_again();
+        let mut loss = Self::loss(&held.bus);
+        while !is_valid && self.shared.is_lent() && loss.is_none() {
+            // A gateway has one answer for each command. A drive that cannot stop in one tick comes to rest, and the session ends.
+            if held.bus.repeats() {
+                is_valid = held.bus.exchange_again();
+                loss = Self::loss(&held.bus);
+            } else {
+                loss = Some(self.complain(&BusError::Unrepeated));
+            }
         }
-        let loss = Self::loss(&held.bus);
         self.stats = held.bus.stats();
         if is_valid {
             let same = held.bus.plan().sample_after_ns.is_some();
@@ -637,7 +680,7 @@ impl Substructure for BusPort {
             return;
         }
         let drives = self.places.as_ref().map(|places| places.drives.as_slice());
-        held.bus.take_torque(Some(drives.unwrap_or_default()));
+        let is_off = held.bus.take_torque(Some(drives.unwrap_or_default()));
         held.retired += 1;
         let is_last = held.retired == self.shared.specimens();
         let has_left = if is_last {
@@ -645,7 +688,7 @@ impl Substructure for BusPort {
         } else {
             held.bus.exchange()
         };
-        self.has_left = self.shared.is_live().then_some(has_left);
+        self.has_left = self.shared.is_live().then_some(has_left && is_off);
         if !is_last {
             self.shared.put_back(held);
             return;

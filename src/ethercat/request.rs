@@ -165,7 +165,12 @@ impl<'l> Requests<'l> {
         data: &[u8],
     ) -> Result<(), BusError> {
         let mut copy = [0; LONGEST];
-        let copy = copy.get_mut(..data.len()).unwrap_or_default();
+        let Some(copy) = copy.get_mut(..data.len()) else {
+            return Err(BusError::Size {
+                found: data.len(),
+                allowed: LONGEST,
+            });
+        };
         copy.copy_from_slice(data);
         match self.ask(Service::Fpwr, at(station.address, register), copy)? {
             1 => Ok(()),

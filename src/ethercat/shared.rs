@@ -32,7 +32,7 @@ pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Line>, BusError> + Send>;
 /// Means of the keeper of a bus.
 pub struct Keeper {
     /// The clock of this machine.
-    pub clock: Box<dyn Clock>,
+    pub clock: Arc<dyn Clock + Sync>,
     /// Called first on its thread, which asks the system for real-time conditions.
     pub prepare: Box<dyn FnOnce() + Send>,
 }
@@ -76,7 +76,8 @@ pub struct SharedBus {
     opener: Mutex<Option<Opener>>,
     /// Means of the keeper until it starts; none on simulated time, where nothing happens beside the loop.
     keeper: Mutex<Option<Keeper>>,
-    is_on_simulated_time: bool,
+    /// The clock of this machine; none on simulated time.
+    clock: Option<Arc<dyn Clock + Sync>>,
     thread: Mutex<Option<JoinHandle<()>>>,
     put: Sender<Box<Held>>,
     slot: Receiver<Box<Held>>,
@@ -117,7 +118,7 @@ impl SharedBus {
             specimens,
             time: Arc::new(BusTime::default()),
             opener: Mutex::new(Some(opener)),
-            is_on_simulated_time: keeper.is_none(),
+            clock: keeper.as_ref().map(|keeper| Arc::clone(&keeper.clock)),
             keeper: Mutex::new(keeper),
             thread: Mutex::new(None),
             put,
@@ -224,7 +225,28 @@ impl SharedBus {
 
     /// True on simulated time: then the loop makes the time of the bus pass. Real-time: yes.
     pub(crate) const fn is_on_simulated_time(&self) -> bool {
-        self.is_on_simulated_time
+        self.clock.is_none()
+    }
+
+    /// Waits in a tick, and lets go of the bus meanwhile: if the loop comes to a halt here, the keeper exchanges in its place. Real-time:
+    /// yes.
+    pub(crate) fn wait_until(&self, mut held: Box<Held>, at: Nanos) -> Option<Box<Held>> {
+        let Some(clock) = &self.clock else {
+            held.bus.wait_until(at);
+            return Some(held);
+        };
+        self.put_back(held);
+        clock.sleep_until(at);
+        self.take()
+    }
+
+    /// Silence of the loop in ns after which the keeper exchanges in its place. The devices must not wait for so long that their
+    /// watchdogs expire. Real-time: yes.
+    pub(crate) fn silence_ns(&self) -> u64 {
+        let period = self.plan.period_ns;
+        let ticks = SILENT_TICKS.max(self.plan.stale_ticks.into());
+        let silence = ticks.saturating_mul(period).max(SILENT_NS);
+        silence.min(self.plan.watchdog_ns / 2).max(2 * period)
     }
 
     /// True from the first request of OP on: outputs or torque may hold the specimens.
@@ -269,8 +291,8 @@ impl SharedBus {
         let Some(mut held) = self.take() else {
             return true;
         };
-        held.bus.take_torque(None);
-        let has_left = held.bus.leave() || !self.is_live();
+        let is_off = held.bus.take_torque(None);
+        let has_left = (held.bus.leave() && is_off) || !self.is_live();
         self.close(held);
         has_left
     }
@@ -286,26 +308,34 @@ impl SharedBus {
         }
     }
 
-    /// Exchanges process data once, if the loop does not. Returns when the keeper is to look again.
-    fn keep(&self, now: Nanos) -> Nanos {
-        let period = self.plan.period_ns;
-        // The devices must not wait for so long that their watchdogs expire.
-        let ticks = SILENT_TICKS.max(self.plan.stale_ticks.into());
-        let silence = ticks.saturating_mul(period).max(SILENT_NS);
-        let silence = silence.min(self.plan.watchdog_ns / 2);
-        let used = Nanos(self.used_ns.load(Ordering::Acquire));
+    /// Whether the loop does not exchange, and when the keeper does.
+    fn due(&self) -> (bool, Nanos) {
         let is_idle = self.is_idle.load(Ordering::Acquire);
         let due = if is_idle {
             Nanos(self.edge_ns.load(Ordering::Acquire))
         } else {
-            used.plus(silence)
+            Nanos(self.used_ns.load(Ordering::Acquire)).plus(self.silence_ns())
         };
+        (is_idle, due)
+    }
+
+    /// Exchanges process data once, if the loop does not. Returns when the keeper is to look again.
+    fn keep(&self, now: Nanos) -> Nanos {
+        let period = self.plan.period_ns;
+        let (is_idle, due) = self.due();
         if now < due {
             return if is_idle { due } else { now.plus(period) };
         }
         let Ok(mut held) = self.slot.try_recv() else {
             return now.plus(period / 4);
         };
+        // The loop may have come back meanwhile.
+        if now < self.due().1 {
+            self.put_back(held);
+            return now;
+        }
+        // Until it comes back, a silent loop is replaced in every tick.
+        self.set_idle(true);
         held.bus.exchange();
         held.stage = Stage::Done(false);
         self.put_back(held);
@@ -322,5 +352,30 @@ fn keep(shared: &Weak<SharedBus>, clock: &dyn Clock) {
         let look = shared.keep(clock.now());
         drop(shared);
         clock.sleep_until(look);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulated::tests::{plan, simulated};
+
+    #[test]
+    fn a_silent_loop_is_replaced_in_every_tick() {
+        let (_devices, line) = simulated(&plan(), "");
+        let opener: Opener = Box::new(move || Ok(Box::new(line)));
+        let shared = SharedBus::new(plan(), ([2; 6], 1), opener, None);
+        shared.open().unwrap();
+        shared.set_idle(false);
+        let period = plan().period_ns;
+        let (is_idle, due) = shared.due();
+        let sent = Nanos(shared.used_ns.load(Ordering::Acquire));
+        assert_eq!((is_idle, due.since(sent)), (false, shared.silence_ns()));
+        assert!(shared.keep(Nanos(due.0 - 1)) > due);
+        assert!(!shared.due().0);
+        shared.keep(due);
+        let (is_idle, next) = shared.due();
+        let sent = Nanos(shared.used_ns.load(Ordering::Acquire));
+        assert!(is_idle && next.since(sent) <= 2 * period);
     }
 }

@@ -164,7 +164,100 @@ pub(super) fn bus_plan(
         sample_after_ns: share.map(|share| (share * period_s * 1e9) as u64),
         patience_ns: (patience_s.max(1.0) * 1e9) as u64,
         stale_ticks: u32::try_from(bus.stale_ticks).unwrap_or(u32::MAX),
+        standing: specimens
+            .iter()
+            .filter(|table| table.bus.as_ref().is_some_and(|spec| spec.bus == name))
+            .flat_map(|table| standing(table, bus))
+            .collect(),
     }
+}
+
+/// Outputs that command axes of a specimen, and their counts where it stands.
+fn standing(table: &SpecimenTable, bus: &BusTable) -> Vec<(EntryPlace, f64)> {
+    let Some(spec) = &table.bus else {
+        return Vec::new();
+    };
+    let stands = spec.stands_at_m.iter().flatten();
+    let each = spec.axis.iter().zip(stands).filter_map(|(axis, metres)| {
+        let command = axis.command.as_ref()?;
+        let count = metres / command.m_per_count + command.offset_count;
+        Some((place(bus, Flow::Outputs, &command.at)?, count))
+    });
+    each.collect()
+}
+
+/// An output that cannot say where its axis stands, or a trip level that its sensor cannot read.
+pub(super) fn beyond_range(
+    at: &KeyPath,
+    (table, spec): (&SpecimenTable, &BusSpec),
+    bus: &BusTable,
+    units: &[(f64, f64)],
+) -> Option<Finding> {
+    let range = |flow: Flow, at: &str| {
+        let (device, entry) = bus.place(flow, at)?;
+        let device = bus.device.get(device)?;
+        let entries = match flow {
+            Flow::Inputs => &device.inputs,
+            Flow::Outputs => &device.outputs,
+        };
+        Some(entries.get(entry)?.kind.range())
+    };
+    let limits = table.limits_of(units.len());
+    for (index, axis) in spec.axis.iter().enumerate() {
+        let key = at.key("bus").key("axis").index(index);
+        let stands = spec.stands_at_m.as_ref().and_then(|all| all.get(index));
+        if let (Some(command), Some(stands)) = (&axis.command, stands)
+            && let Some((low, high)) = range(Flow::Outputs, &command.at)
+        {
+            let count = stands / command.m_per_count + command.offset_count;
+            if !(low..=high).contains(&count) {
+                let text = format!(
+                    "the specimen stands at {stands} m, which is count {count:.0} of `{}`; it takes {low} to {high}",
+                    command.at
+                );
+                let finding = Finding::error(at.key("bus").key("stands_at_m").index(index), text);
+                return Some(finding.help("correct `m_per_count` or `stands_at_m`"));
+            }
+        }
+        let own = limits.get(index).map_or(AxisLimits::NONE, AxisLimits::of);
+        let force = &axis.force;
+        let (force_scale, force_zero) = (force.n_per_count, force.zero_count);
+        let disp = axis.disp.as_ref();
+        let sensors = [
+            Some((
+                &force.at,
+                "force",
+                force_scale,
+                force_zero,
+                Limit::MeasuredForce,
+            )),
+            disp.map(|disp| {
+                let (scale, zero) = (disp.m_per_count, disp.zero_count);
+                (&disp.at, "disp", scale, zero, Limit::MeasuredDisp)
+            }),
+        ];
+        for (place, name, scale, zero, limit) in sensors.into_iter().flatten() {
+            let Some((low, high)) = range(Flow::Inputs, place) else {
+                continue;
+            };
+            let ends = [low, high].map(|count| (count - zero) * scale);
+            let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+            let [lower, upper] = own.get(limit).trip;
+            let is_beyond =
+                (lower.is_finite() && lower <= least) || (upper.is_finite() && upper >= most);
+            if is_beyond {
+                let text = format!(
+                    "`{place}` reads {least} to {most}, so the trip levels of `{}`, {lower} to {upper}, are never reached",
+                    limit.key()
+                );
+                let finding = Finding::error(key.key(name), text);
+                return Some(finding.help(
+                    "correct the scale of the sensor, or choose trip levels within its range",
+                ));
+            }
+        }
+    }
+    None
 }
 
 /// The specimens of a test, and its tick in s.
@@ -243,7 +336,9 @@ pub(super) fn on_bus(
             "give all of them equal `sample` and `sample_after`: one frame reads the inputs of all devices",
         ));
     }
-    if let Some(finding) = drops_outputs(&link.address, bus, spec) {
+    if let Some(finding) = drops_outputs(&link.address, bus, spec)
+        .or_else(|| beyond_range(at, (table, spec), bus, units))
+    {
         return site.refuse(finding);
     }
     let wait = WaitRules {
@@ -329,7 +424,7 @@ pub(super) fn keeper(timing: &TimingSpec, period_ns: u64) -> Keeper {
         });
     };
     Keeper {
-        clock: Box::new(MonotonicClock::default()),
+        clock: Arc::new(MonotonicClock::default()),
         prepare: Box::new(prepare),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::bus::{bus_plan, bus_source, drops_outputs, keeper, planned};
+use super::bus::{beyond_range, bus_plan, bus_source, drops_outputs, keeper, planned};
 use super::held::Held;
 use super::path;
 use gusset_config::{BusClock, Finding, LinkSpec, ServedFile, SpecimenTable, TimingSpec};
@@ -77,7 +77,9 @@ pub(super) fn gateway(
         let finding = Finding::error(path("bus").key(&link.address).key("clock"), text);
         return Err(Box::new(finding.help("set `clock = \"free\"`")));
     }
-    if let Some(finding) = drops_outputs(&link.address, bus, spec) {
+    if let Some(finding) = drops_outputs(&link.address, bus, spec)
+        .or_else(|| beyond_range(at, (table, spec), bus, &units))
+    {
         return Err(Box::new(finding));
     }
     let specimens = std::slice::from_ref(table);

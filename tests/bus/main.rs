@@ -91,3 +91,23 @@ fn script(text: &str) -> Vec<Fault> {
     let script: FaultScript = toml::from_str(text).unwrap();
     script.fault
 }
+
+#[test]
+fn a_scale_beyond_its_entry_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let counts = |text: String| text.replace("7000:01 f64 command", "7000:01 i16 command");
+    let standing = text(OUTPUT, "stands_at_m = [0.045]");
+    let standing = counts(standing).replace(
+        "servo.command\", m_per_count = 1.0",
+        "servo.command\", m_per_count = 1e-6",
+    );
+    // 32 767 counts are 98 kN, and the trip level is 100 kN.
+    let force = text(OUTPUT, "stands_at_m = [0.0]")
+        .replace("6000:11 f64 force", "6000:11 i16 force")
+        .replace("n_per_count = 1.0", "n_per_count = 3.0");
+    for (text, key) in [(&standing, "stands_at_m"), (&force, "measured_force_n")] {
+        let loaded = load(folder.path(), text);
+        let error = gusset_setup::build(&loaded).err().map(|e| e.to_string());
+        assert!(error.is_some_and(|text| text.contains(key)), "{key}");
+    }
+}

@@ -13,8 +13,13 @@ fn path(path: &Path) -> &str {
 fn beside_devices(test: &Path, command: &[&str]) -> Option<Output> {
     let folder = test.parent().unwrap();
     let mut simulate = gusset();
-    simulate.args(["bus", "simulate", path(test), "--pair", "--"]);
+    simulate.args(["bus", "simulate", path(test)]);
+    let faults = folder.join("faults.toml");
+    if faults.exists() {
+        simulate.args(["--faults", path(&faults)]);
+    }
     simulate
+        .args(["--pair", "--"])
         .args(command)
         .env("GUSSET_STATE", folder.join("state"));
     let said = simulate.output().unwrap();
@@ -112,13 +117,7 @@ test $? = 130 && trap - EXIT
 fn a_test_runs_over_a_pair_of_interfaces() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let text = super::text(super::OUTPUT, "stands_at_m = [0.0]");
-    // Twice as long per tick, and patient: the machine of a suite is busy.
-    let text = text
-        .replace("clock = \"simulated\"", "clock = \"real\"")
-        .replace("rate_hz = 500", "rate_hz = 200")
-        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 6\nstale_ticks = 500");
-    std::fs::write(at("test.toml"), text).unwrap();
+    std::fs::write(at("test.toml"), patient()).unwrap();
     let Some(said) = beside_devices(
         &at("test.toml"),
         &[
@@ -136,6 +135,45 @@ fn a_test_runs_over_a_pair_of_interfaces() {
     let summary = json(&at("run"), "summary.json");
     let link = &summary["link"]["storey"];
     assert!(link["received"].as_u64().unwrap() >= 200, "{link}");
+}
+
+/// A test on outputs of ±10 V, in real time, for the busy machine of a suite: twice as long per tick, and patient.
+fn patient() -> String {
+    super::text(super::OUTPUT, "stands_at_m = [0.0]")
+        .replace("clock = \"simulated\"", "clock = \"real\"")
+        .replace("rate_hz = 500", "rate_hz = 200")
+        .replace("[bus.rig]", "[bus.rig]\nwatchdog_s = 6\nstale_ticks = 500")
+}
+
+/// The devices do not say that they are simulated, so the outputs stay until an operator says that the axis is unloaded.
+#[test]
+fn real_devices_are_held_until_the_operator_confirms() {
+    // Before the end of the test, `continue` only looks.
+    const SCRIPT: &str = r#"
+"$0" run test.toml --yes --out run & run=$!
+trap 'kill -KILL $run' EXIT
+for i in $(seq 200); do
+    sleep 0.3
+    "$0" continue run
+    [ -f run/summary.json ] && break
+done
+wait $run
+test $? = 0 && trap - EXIT
+"#;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("test.toml"), patient()).unwrap();
+    std::fs::write(at("faults.toml"), "[[fault]]\nwhat = \"unmarked\"\n").unwrap();
+    let script = format!("cd {}; {SCRIPT}", path(folder.path()));
+    let binary = gusset();
+    let program = binary.get_program().to_str().unwrap();
+    let Some(said) = beside_devices(&at("test.toml"), &["sh", "-c", &script, program]) else {
+        return;
+    };
+    let errors = String::from_utf8_lossy(&said.stderr);
+    assert_eq!(said.status.code(), Some(0), "{errors}");
+    let summary = json(&at("run"), "summary.json");
+    assert_eq!(summary["cause"], "done", "{errors}");
 }
 
 #[test]

@@ -40,6 +40,12 @@ impl Glimpse {
             hold_number: 0,
         }
     }
+
+    /// True while the operator is to confirm that every axis is unloaded; other confirmations are those of readings.
+    #[must_use]
+    pub fn awaits_release(self) -> bool {
+        self.unconfirmed && self.phase != Phase::Zeroing
+    }
 }
 
 /// The phase and the hold as they can be seen from outside of the loop: a number that the loop leaves behind.
@@ -58,17 +64,13 @@ impl PhaseCell {
         self.show(Glimpse::of(phase));
     }
 
-    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Nothing is to be
-    /// confirmed but where the sensors are read. Real-time: yes.
+    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Real-time: yes.
     pub fn show(&self, seen: Glimpse) {
         let hold = seen.hold && seen.phase.can_be_held();
         let flag = |is: bool, bit: u64| if is { bit } else { 0 };
         let flags = flag(hold, HOLD)
             | flag(hold && seen.stands, STANDS)
-            | flag(
-                seen.unconfirmed && seen.phase == Phase::Zeroing,
-                UNCONFIRMED,
-            );
+            | flag(seen.unconfirmed, UNCONFIRMED);
         let number = u64::from(seen.hold_number) << 32;
         let bits = seen.phase as u64 | flags | number;
         self.0.store(bits, Ordering::Relaxed);
@@ -118,7 +120,7 @@ mod tests {
                     phase,
                     hold,
                     stands: hold && stands,
-                    unconfirmed: unconfirmed && phase == Phase::Zeroing,
+                    unconfirmed,
                     hold_number: u32::MAX - bits,
                 };
                 assert_eq!(cell.glimpse(), seen);

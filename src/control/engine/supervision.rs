@@ -147,6 +147,10 @@ impl Supervision {
         let from = self.phase;
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
+        if phase != Phase::Zeroing {
+            // The question about the readings is over.
+            self.confirm();
+        }
         self.show();
         from
     }
@@ -232,7 +236,7 @@ impl Supervision {
         self.show();
     }
 
-    /// Waits until the operator confirms that the specimens are unloaded, which drives hold with torque. Nothing else ends the wait.
+    /// Waits until the operator confirms that the specimens are unloaded, which torque or outputs hold. Nothing else ends the wait.
     pub(crate) fn await_release(&mut self) {
         self.requests.clear();
         self.ask_for_confirmation();

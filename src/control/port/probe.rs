@@ -19,6 +19,8 @@ use gusset_quantity::units::AxisUnits;
 pub(super) const SIGMAS: f64 = 5.0;
 /// A displacement that follows by less than this part of the amplitude does not follow.
 const FOLLOWS: f64 = 0.25;
+/// A displacement beyond this multiple of the amplitude is not that of the command.
+const FOLLOWS_AT_MOST: f64 = 2.0;
 /// A force that changes by less than this part of what the estimate says is not that of the specimen.
 const ANSWERS: f64 = 0.05;
 
@@ -556,7 +558,9 @@ impl Probe {
             // Written so that what is no number fails.
             let is_told_from_noise = found.abs() > noise;
             let is_large_enough = found.abs() >= part * expected.abs();
-            if is_told_from_noise && is_large_enough {
+            let is_small_enough =
+                channel == Channel::Force || found.abs() <= FOLLOWS_AT_MOST * expected.abs();
+            if is_told_from_noise && is_large_enough && is_small_enough {
                 continue;
             }
             if noise >= expected.abs() {
@@ -708,6 +712,9 @@ mod tests {
             probed(|d| (d, 1e-3 * STIFFNESS * d)).unwrap_err().name(),
             "force_dead"
         );
+        // A command that is ten times as large as it says.
+        let tenfold = probed(|d| (10.0 * d, 10.0 * STIFFNESS * d)).unwrap_err();
+        assert_eq!(tenfold.name(), "displacement_too_large");
         let nan = probed(|d| (d, f64::NAN)).unwrap_err();
         assert_eq!(nan.name(), "force_dead");
     }

@@ -141,6 +141,9 @@ impl WiringFault {
                 channel: Channel::Force,
                 ..
             } => "force_dead",
+            Self::Dead {
+                found, expected, ..
+            } if found.abs() > expected.abs() => "displacement_too_large",
             Self::Dead { .. } => "displacement_dead",
             Self::Noise { .. } => "probe_below_noise",
             Self::Stiffness { .. } => "stiffness_differs",
@@ -220,6 +223,10 @@ impl std::fmt::Display for WiringFault {
                     Channel::Force => (
                         "force",
                         "a dead load cell, a slack connection, another unit, or a wrong `stiffness_n_per_m`",
+                    ),
+                    Channel::Disp | Channel::Command if found.abs() > expected.abs() => (
+                        "measured displacement",
+                        "a wrong scale of the command or of the sensor, or another unit",
                     ),
                     Channel::Disp | Channel::Command => (
                         "measured displacement",

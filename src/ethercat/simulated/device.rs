@@ -3,7 +3,6 @@
 use super::dictionary::Dictionary;
 use super::servo::Servo;
 use crate::axis_drive::Place;
-use crate::bring_up::SIMULATED;
 use crate::plan::{DevicePlan, TimeSource};
 use crate::wire::drive as words;
 use crate::wire::register as reg;
@@ -59,7 +58,7 @@ pub(super) struct Device {
 impl Device {
     pub(super) fn new(
         (index, is_last): (usize, bool),
-        plan: &DevicePlan,
+        (plan, mark): (&DevicePlan, &str),
         time: TimeSource,
         counts: f64,
     ) -> Self {
@@ -69,7 +68,7 @@ impl Device {
             control,
             kind,
         };
-        let name = format!("{SIMULATED}{}", plan.name);
+        let name = format!("{mark}{}", plan.name);
         let sii = Sii {
             vendor: plan.vendor,
             code: plan.code,

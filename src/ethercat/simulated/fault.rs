@@ -98,9 +98,19 @@ pub enum FaultKind {
     BadSensor,
     /// A frame of another master is on the line.
     Foreign,
+    /// The devices do not say that they are simulated, from the beginning: a test treats them as real ones.
+    Unmarked,
 }
 
 impl FaultKind {
+    /// True if it needs no time: it is there from the beginning.
+    pub(crate) const fn is_lasting(&self) -> bool {
+        matches!(
+            self,
+            Self::ClockPpm { .. } | Self::RefuseState { .. } | Self::Unmarked
+        )
+    }
+
     /// Name of the device that it concerns, if it concerns one.
     pub(crate) fn device(&self) -> Option<&str> {
         match self {
@@ -123,10 +133,7 @@ impl Fault {
         match (self.at_tick, self.at_frame) {
             (_, Some(first)) => within(first, frame),
             (Some(first), None) => tick.is_some_and(|tick| within(first, tick)),
-            (None, None) => matches!(
-                self.what,
-                FaultKind::ClockPpm { .. } | FaultKind::RefuseState { .. }
-            ),
+            (None, None) => self.what.is_lasting(),
         }
     }
 

@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn the_mailbox_answers_what_it_cannot_do() {
-        let mut own = Device::new((0, true), &plan().devices[3], TimeSource::Loop, 0.0);
+        let mut own = Device::new((0, true), (&plan().devices[3], ""), TimeSource::Loop, 0.0);
         own.state = AlState::PreOp;
         let object = Object {
             index: 0x1018,

@@ -15,6 +15,7 @@ mod units;
 
 use thiserror::Error;
 
+use crate::bring_up::SIMULATED;
 use crate::plan::BusPlan;
 use crate::wire::datagram::{Datagram, Service, datagrams};
 use crate::wire::register::{AlState, USER_MEMORY};
@@ -98,13 +99,15 @@ impl SimulatedBus {
     ) -> Result<Self, SimulationError> {
         let number = plan.devices.len();
         let time = plan.time;
+        let is_unmarked = faults.iter().any(|fault| fault.what == FaultKind::Unmarked);
+        let mark = if is_unmarked { "" } else { SIMULATED };
         let mut devices: Vec<Device> = plan
             .devices
             .iter()
             .enumerate()
             .map(|(index, device)| {
                 let counts = plant::stands_at(&plants, plan, index);
-                Device::new((index, index + 1 == number), device, time, counts)
+                Device::new((index, index + 1 == number), (device, mark), time, counts)
             })
             .collect();
         for fault in &faults {
@@ -325,11 +328,7 @@ fn mark(flags: &mut [bool], at: usize) {
 
 /// Checks a fault, and sets what it means from the beginning.
 fn prepare(fault: &Fault, devices: &mut [Device]) -> Result<(), SimulationError> {
-    let always = matches!(
-        fault.what,
-        FaultKind::ClockPpm { .. } | FaultKind::RefuseState { .. }
-    );
-    if !always && fault.at_tick.is_none() && fault.at_frame.is_none() {
+    if !fault.what.is_lasting() && fault.at_tick.is_none() && fault.at_frame.is_none() {
         return Err(SimulationError::NoTime);
     }
     if let Some(name) = fault.what.device()
@@ -361,4 +360,4 @@ fn prepare(fault: &Fault, devices: &mut [Device]) -> Result<(), SimulationError>
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -93,6 +93,7 @@ pub(crate) fn plan() -> BusPlan {
         sample_after_ns: None,
         patience_ns: 5_000_000_000,
         stale_ticks: 3,
+        standing: Vec::new(),
     }
 }
 
@@ -823,4 +824,143 @@ fn a_drive_shows_the_mode_that_was_written() {
             .counts
             == 0.0
     );
+}
+
+/// A line that keeps a copy of each frame.
+struct Spied(SimulatedLine, Frames);
+
+type Frames = Arc<Mutex<Vec<Vec<u8>>>>;
+
+impl crate::line::Line for Spied {
+    fn now(&self) -> Nanos {
+        self.0.now()
+    }
+    fn wait_until(&mut self, at: Nanos) {
+        self.0.wait_until(at);
+    }
+    fn send(&mut self, frame: &[u8]) -> Result<(), crate::line::LineFault> {
+        self.1.lock().unwrap().push(frame.to_vec());
+        self.0.send(frame)
+    }
+    fn receive(
+        &mut self,
+        buffer: &mut [u8],
+        deadline: Nanos,
+    ) -> Result<Option<usize>, crate::line::LineFault> {
+        self.0.receive(buffer, deadline)
+    }
+}
+
+/// The specimens of the plan on a bus whose frames are kept.
+fn spied(plan: BusPlan) -> (Vec<BusPort>, Frames) {
+    let frames = Frames::default();
+    let (_, line) = simulated(&plan, "");
+    let line = Spied(line, Arc::clone(&frames));
+    let opener: Opener = Box::new(move || Ok(Box::new(line)));
+    let shared = SharedBus::new(plan, (SOURCE, 2), opener, None);
+    let ports = specimens().into_iter();
+    let ports = ports.map(|one| BusPort::new(Arc::clone(&shared), one));
+    (ports.collect(), frames)
+}
+
+#[test]
+fn outputs_stand_before_they_are_used() {
+    let output = EntryPlace {
+        device: 2,
+        entry: 0,
+    };
+    for (moves, wanted) in [(0, 2000), (1, 1234)] {
+        let mut own = plan();
+        own.standing = vec![(output, 1234.0)];
+        let (mut ports, frames) = spied(own);
+        ports[moves].connect().unwrap();
+        let at = if moves == 0 { 0.02 } else { 0.0 };
+        assert!(ports[moves].arm(0, &[at], &mut || true).unwrap());
+        let frames = frames.lock().unwrap();
+        let first = |frame: &[u8]| datagrams(frame).unwrap().next().unwrap().unwrap();
+        let asks_for_op = |frame: &Vec<u8>| {
+            let one = first(frame);
+            one.address == crate::wire::datagram::at(0, crate::wire::register::AL_CONTROL)
+                && one.bytes(frame).first() == Some(&8)
+        };
+        let op = frames.iter().position(asks_for_op).unwrap();
+        let sent = frames.iter().enumerate().filter_map(|(number, frame)| {
+            let one = first(frame);
+            let is_exchange = one.service == Service::Lrw as u8;
+            let bytes = one.bytes(frame);
+            is_exchange.then(|| (number, i16::from_le_bytes([bytes[0], bytes[1]])))
+        });
+        let sent: Vec<_> = sent.collect();
+        assert!(sent.iter().all(|(_, count)| *count != 0), "{sent:?}");
+        let last = sent.iter().rfind(|(number, _)| *number < op).unwrap();
+        assert_eq!(last.1, wanted);
+    }
+}
+
+#[test]
+fn a_standing_command_beyond_its_output_is_refused() {
+    let (mut ports, _) = spied(plan());
+    ports[0].connect().unwrap();
+    // The output has 16 bits of 10 µm.
+    assert_eq!(ports[0].ask_to_arm(0, &[0.5]), Err(LinkFault::Refused));
+    let refused = ports[0].arm(0, &[0.5], &mut || true);
+    assert_eq!(refused, Err(LinkFault::Refused));
+}
+
+#[test]
+fn an_input_at_its_end_is_saturated() {
+    let mut own = plan();
+    own.devices[1].inputs[1] = "6000:11 i8 force".parse().unwrap();
+    let (mut ports, _) = spied(own);
+    ports[0].connect().unwrap();
+    assert!(ports[0].arm(0, &[0.0], &mut || true).unwrap());
+    let mut measured = Measurement::zeros(1);
+    // The spring has 1000 N/m, and the input ends at 127 N.
+    for (k, (disp, is_at_end)) in (0u64..).zip([(0.0, false), (0.1, false), (0.2, true)]) {
+        for again in 0..2 {
+            ports[0].issue(&command(2 * k + again, &[disp])).unwrap();
+            ports[0].collect(SOON, &mut measured).unwrap();
+        }
+        let found = measured.status.has(Status::SATURATED);
+        assert_eq!(found, is_at_end, "{disp} m: {} N", measured.force[0]);
+    }
+}
+
+#[test]
+fn a_quick_stop_is_no_end_of_torque() {
+    let (_shared, mut bus, drive) = with_torque();
+    bus.drive(drive).unwrap().0.quick_stop();
+    for _ in 0..3 {
+        tick(&mut bus);
+    }
+    let found = bus.drive(drive).unwrap().0;
+    assert_eq!(found.state(), DriveState::QuickStopActive);
+    assert!(bus.take_torque(Some(&[drive])));
+    assert!(!bus.drive(drive).unwrap().0.has_torque());
+}
+
+#[test]
+fn a_gateway_does_not_stop_a_fast_drive_dead() {
+    let drop = "[[fault]]\nwhat = \"drop\"\nat_tick = 60";
+    for (speed, is_repeated) in [(1e-6, true), (1e-3, false)] {
+        let (_, line) = simulated(&plan(), drop);
+        let opener: Opener = Box::new(move || Ok(Box::new(line)));
+        let shared = SharedBus::new(plan(), (SOURCE, 1), opener, None);
+        shared.lend();
+        let mut port = BusPort::new(shared, specimens().remove(1));
+        port.connect().unwrap();
+        assert!(port.arm(0, &[0.0], &mut || true).unwrap());
+        let mut measured = Measurement::zeros(1);
+        let mut refused = None;
+        for k in 1..100u64 {
+            port.issue(&command(k, &[speed * k as f64])).unwrap();
+            let got = port.collect(Nanos(k * PERIOD_NS + PERIOD_NS * 500), &mut measured);
+            if let Err(fault) = got {
+                refused = Some(fault);
+                break;
+            }
+        }
+        let wanted = (!is_repeated).then_some(LinkFault::Timeout);
+        assert_eq!(refused, wanted, "{speed}");
+    }
 }

@@ -70,7 +70,7 @@ mod tests {
 
     /// The drive of the plan in SAFE-OP: outputs at 0x100, and inputs at 0x106 in two units.
     fn drive() -> Device {
-        let mut own = Device::new((0, true), &plan().devices[3], TimeSource::Loop, 0.0);
+        let mut own = Device::new((0, true), (&plan().devices[3], ""), TimeSource::Loop, 0.0);
         own.state = AlState::SafeOp;
         for (unit, start, length, physical, kind) in [
             (0u16, 0x100u16, 6u16, OUTPUTS, 2u8),

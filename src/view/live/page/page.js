@@ -58,7 +58,7 @@ const PHASES = { settling: "static load", probing: "wiring check", ramping: "ram
 function named({ phase, hold, stands, unconfirmed, ended }) {
   if (ended) return ended.status;
   const words = [PHASES[phase] ?? phase];
-  if (unconfirmed) words.push("to be confirmed");
+  if (unconfirmed) words.push(phase === "zeroing" ? "to be confirmed" : "unload every axis, then confirm");
   if (hold && phase !== "holding") words.push(stands ? "held" : "hold requested");
   return words.join(", ");
 }
@@ -98,7 +98,7 @@ function showState() {
   // The button sends the command of its label at the moment of the press, even if the state changes before it arrives.
   const asks = state.unconfirmed && !holds;
   $("continue").textContent = asks ? "CONFIRM" : "CONTINUE";
-  $("continue").disabled = deaf || !(holds || asks);
+  $("continue").disabled = !asks && (deaf || !holds);
   $("stop").disabled = over;
   if ($("sure").open && (over || asked !== stopMeans())) {
     $("sure").close("no");
