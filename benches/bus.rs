@@ -63,7 +63,6 @@ fn plan(drives: usize) -> BusPlan {
         sample_after_ns: None,
         patience_ns: 5_000_000_000,
         stale_ticks: 3,
-        standing: Vec::new(),
     }
 }
 

@@ -118,18 +118,8 @@ impl Bus {
             let starts = [member.outputs.start, member.inputs.start];
             Some(Drive::new((index, device, drive), starts, period_s))
         });
-        let mut image = vec![0; length];
-        for (at, count) in &plan.standing {
-            let entries = plan.devices.get(at.device).map(|device| &device.outputs);
-            let start = members.get(at.device).map(|member| member.outputs.start);
-            if let (Some(entries), Some(start)) = (entries, start)
-                && let Some(place) = Place::nth(entries, start, at.entry)
-            {
-                place.write(*count, &mut image);
-            }
-        }
         Ok(Self {
-            image,
+            image: vec![0; length],
             drives: drives.collect::<Result<_, _>>()?,
             tally: Tally {
                 index: 0,

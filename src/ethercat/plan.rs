@@ -140,6 +140,4 @@ pub struct BusPlan {
     pub patience_ns: u64,
     /// Successive ticks without a valid exchange after which the bus is lost.
     pub stale_ticks: u32,
-    /// Counts of the outputs at which the specimens of the test file stand, whether a test moves them or not. Other outputs begin at 0.
-    pub standing: Vec<(EntryPlace, f64)>,
 }

@@ -164,26 +164,7 @@ pub(super) fn bus_plan(
         sample_after_ns: share.map(|share| (share * period_s * 1e9) as u64),
         patience_ns: (patience_s.max(1.0) * 1e9) as u64,
         stale_ticks: u32::try_from(bus.stale_ticks).unwrap_or(u32::MAX),
-        standing: specimens
-            .iter()
-            .filter(|table| table.bus.as_ref().is_some_and(|spec| spec.bus == name))
-            .flat_map(|table| standing(table, bus))
-            .collect(),
     }
-}
-
-/// Outputs that command axes of a specimen, and their counts where it stands.
-fn standing(table: &SpecimenTable, bus: &BusTable) -> Vec<(EntryPlace, f64)> {
-    let Some(spec) = &table.bus else {
-        return Vec::new();
-    };
-    let stands = spec.stands_at_m.iter().flatten();
-    let each = spec.axis.iter().zip(stands).filter_map(|(axis, metres)| {
-        let command = axis.command.as_ref()?;
-        let count = metres / command.m_per_count + command.offset_count;
-        Some((place(bus, Flow::Outputs, &command.at)?, count))
-    });
-    each.collect()
 }
 
 /// An output that cannot say where its axis stands, or a trip level that its sensor cannot read.

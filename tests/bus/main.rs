@@ -111,3 +111,29 @@ fn a_scale_beyond_its_entry_is_refused() {
         assert!(error.is_some_and(|text| text.contains(key)), "{key}");
     }
 }
+
+/// An output whose specimen takes no part would be commanded to 0.
+#[test]
+fn identify_leaves_no_output_of_a_bus_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = text(DRIVE, "");
+    let (_, specimen) = whole.split_once("[[specimen]]").unwrap();
+    let other = format!("[[specimen]]{specimen}")
+        .replace("\"storey\"\nstorey = 1", "\"other\"\nstorey = 2")
+        .replace("probe = \"none\"", "probe = \"none\"\nstands_at_m = [0.01]")
+        .replace(DRIVE, OUTPUT);
+    let path = folder.path().join("test.toml");
+    std::fs::write(&path, format!("{whole}{other}")).unwrap();
+    for (name, left) in [("storey", Some("\"other\"")), ("other", None)] {
+        let mut identify = common::gusset();
+        identify.arg("identify").arg(&path);
+        let said = identify
+            .args(["--specimen", name, "--yes"])
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&said.stderr);
+        let is_refused = errors.contains("--specimen: ");
+        assert_eq!(is_refused, left.is_some(), "{errors}");
+        assert!(left.is_none_or(|left| errors.contains(left)), "{errors}");
+    }
+}

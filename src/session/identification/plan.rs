@@ -306,6 +306,19 @@ fn chosen(args: &Request, loaded: &Loaded) -> Result<Vec<usize>, IdentificationE
         return Ok((0..tables.len()).collect());
     };
     let place = tables.iter().position(|table| table.name == *name);
+    let bus = place.and_then(|place| Some(&tables.get(place)?.bus.as_ref()?.bus));
+    // An output whose specimen takes no part would be 0.
+    let other = tables.iter().find(|table| {
+        let spec = table.bus.as_ref().filter(|spec| Some(&spec.bus) == bus);
+        table.name != *name
+            && spec.is_some_and(|spec| spec.axis.iter().any(|axis| axis.command.is_some()))
+    });
+    if let Some(other) = other {
+        return Err(refusal(format!(
+            "--specimen: specimen \"{}\" is commanded by an output of the same bus, which would be 0; leave `--specimen` out",
+            other.name
+        )));
+    }
     place.map(|place| vec![place]).ok_or_else(|| {
         let names: Vec<&str> = tables.iter().map(|table| table.name.as_str()).collect();
         let meant = nearest(name, &names)
