@@ -228,8 +228,7 @@ impl SharedBus {
         self.clock.is_none()
     }
 
-    /// Waits in a tick, and lets go of the bus meanwhile: if the loop comes to a halt here, the keeper exchanges in its place. Real-time:
-    /// yes.
+    /// Waits in a tick, and lets go of the bus meanwhile: if the loop comes to a halt here, the keeper exchanges. Real-time: yes.
     pub(crate) fn wait_until(&self, mut held: Box<Held>, at: Nanos) -> Option<Box<Held>> {
         let Some(clock) = &self.clock else {
             held.bus.wait_until(at);
@@ -240,7 +239,7 @@ impl SharedBus {
         self.take()
     }
 
-    /// Silence of the loop in ns after which the keeper exchanges in its place. The devices must not wait for so long that their
+    /// Silence of the loop in ns after which the keeper exchanges. The devices must not wait for so long that their
     /// watchdogs expire. Real-time: yes.
     pub(crate) fn silence_ns(&self) -> u64 {
         let period = self.plan.period_ns;

@@ -193,7 +193,7 @@ pub(super) fn beyond_range(
             let count = stands / command.m_per_count + command.offset_count;
             if !(low..=high).contains(&count) {
                 let text = format!(
-                    "the specimen stands at {stands} m, which is count {count:.0} of `{}`; it takes {low} to {high}",
+                    "the position before the test is {stands} m, which is count {count:.0} of `{}`; it takes {low} to {high}",
                     command.at
                 );
                 let finding = Finding::error(at.key("bus").key("stands_at_m").index(index), text);

@@ -64,7 +64,7 @@ impl PhaseCell {
         self.show(Glimpse::of(phase));
     }
 
-    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Real-time: yes.
+    /// Shows this. A phase that cannot be held shows no hold, and a test without a hold shows no standing for one. Real-time: yes.
     pub fn show(&self, seen: Glimpse) {
         let hold = seen.hold && seen.phase.can_be_held();
         let flag = |is: bool, bit: u64| if is { bit } else { 0 };
