@@ -14,15 +14,9 @@ use crate::utc;
 /// Keys of `[about]` that an archive asks for.
 const ASKED: [&str; 5] = ["operator", "laboratory", "specimen", "keywords", "licence"];
 
-/// `[about]` of the run; null without one.
-pub(super) fn about(run: &Run) -> Value {
-    let about = run.summary().and_then(|summary| summary.about.clone());
-    about.unwrap_or_default()
-}
-
 /// The keys that an archive asks for, and the run does not have.
 pub(super) fn unfiled(run: &Run) -> Option<Notice> {
-    let about = about(run);
+    let about = run.about().unwrap_or_default();
     let missing: Vec<&str> = ASKED
         .into_iter()
         .filter(|key| about.get(key).is_none())
@@ -52,7 +46,7 @@ pub(super) fn authors(about: &Value) -> Vec<Value> {
 
 /// The entity.
 pub(super) fn entity(test: &Test, run: &Run) -> Value {
-    let about = about(run);
+    let (about, origin) = (run.about().unwrap_or_default(), run.origin());
     let shakes = test
         .table
         .get("excitation")
@@ -62,12 +56,10 @@ pub(super) fn entity(test: &Test, run: &Run) -> Value {
     } else {
         json!({"id": "other", "name": "Other"})
     };
-    let summary = run.summary();
-    let began = summary.and_then(|summary| summary.origin.as_ref());
-    let began = began.map(|origin| origin.began.as_str());
+    let began = origin.as_ref().map(|origin| origin.began.as_str());
     let ended = began
         .and_then(utc::instant)
-        .zip(summary)
+        .zip(run.summary())
         .map(|(ns, summary)| {
             let lasted = (summary.wall_seconds.max(0.0) * 1e9) as u64;
             utc::rfc3339(ns.saturating_add(lasted))
