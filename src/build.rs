@@ -87,15 +87,8 @@ fn commit(root: &Path) -> Option<String> {
     if root.join(&log).exists() {
         println!("cargo:rerun-if-changed={log}");
     }
-    let is_same = git(&[
-        "diff",
-        "--quiet",
-        "HEAD",
-        "--",
-        "src",
-        "Cargo.toml",
-        "Cargo.lock",
-    ])?;
+    let files = ["diff", "--quiet", "HEAD", "--", "src", "Cargo.lock"];
+    let is_same = git(&[&files[..], &FURTHER].concat())?;
     let mark = if is_same.status.success() {
         ""
     } else {

@@ -373,6 +373,7 @@ fn test_of(purpose: Purpose, path: &Path, opened: Opened) -> Result<Loaded, Conf
         ..
     } = opened;
     let time = Time::of(&file.time).map_err(|finding| locator.refusal(*finding))?;
+    file.about.leave_out_empty();
     if file.title.trim().is_empty() {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy());
         file.title = stem.map_or_else(|| "test".to_owned(), std::borrow::Cow::into_owned);

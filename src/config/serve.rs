@@ -195,7 +195,8 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         };
         (file, vec![])
     } else {
-        let (file, told) = opened.accept(check::check_served)?;
+        let (mut file, told) = opened.accept(check::check_served)?;
+        file.about.leave_out_empty();
         let said = |finding: Finding| match finding.label.as_str() {
             "" => plain(&finding.headline),
             label => plain(&format!("{}: {label}", finding.headline)),

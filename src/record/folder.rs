@@ -14,7 +14,9 @@ use super::atomic;
 use super::checkpoint::{STATE_FILES, StateFolder};
 use super::checksum::Checksum;
 use super::layout::{Layout, LayoutError};
+use super::origin::Origin;
 use super::rt::timing::Timings;
+use super::rt::wall::Wall;
 use super::summary::{InputFile, Summary};
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
@@ -361,7 +363,7 @@ impl RunFolder {
     }
 
     /// The event that records the files of the test, so that a replay or a resume can prove that they are unchanged: the test file, its
-    /// complete configuration, the layout of the rows, and the inputs.
+    /// complete configuration, the layout of the rows, and the inputs. It also says where the run comes from.
     #[must_use]
     pub fn files_event(&self, file: &[u8], resolved: &str, layout: &Layout) -> Event {
         // A changed name or unit of a column changes the measured quantity.
@@ -378,6 +380,7 @@ impl RunFolder {
         Event::Files {
             sha256: hashes.map(|(name, hash)| (name, hash.into())).collect(),
             version: env!("CARGO_PKG_VERSION").into(),
+            origin: Some(Box::new(Origin::new(Wall::now(), self.path()))),
         }
     }
 

@@ -154,6 +154,7 @@ fn look_at(folder: &Path) -> Listed {
         }
     };
     listed.started = started(&run);
+    listed.filed = filed(&run);
     listed.state = match (run.summary(), run.summary_fault()) {
         (Some(summary), _) => State::Ended(summary.status),
         (None, Some(fault)) => State::Damaged(format!("summary.json: {fault}")),
@@ -165,7 +166,6 @@ fn look_at(folder: &Path) -> Listed {
         listed.steps = Some(summary.steps);
         listed.dt = Some(summary.dt);
         listed.peak = peak(summary);
-        listed.filed = filed(summary);
         if let Some(verdict) = &summary.verdict {
             listed.unstable = verdict.unstable;
             listed.findings = verdict.findings.len();

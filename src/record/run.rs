@@ -14,6 +14,7 @@ use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
+use super::origin::Origin;
 use super::rt::timing::Timings;
 use super::summary::Summary;
 use gusset_quantity::work::Work;
@@ -130,6 +131,37 @@ impl Run {
     #[must_use]
     pub const fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
+    }
+
+    /// `[about]` of the test; none without one, or if the file cannot be read. It is in the summary, and in `resolved.toml` of a run
+    /// without a summary.
+    #[must_use]
+    pub fn about(&self) -> Option<Value> {
+        let Some(summary) = &self.summary else {
+            let text = fs::read_to_string(self.path.join("resolved.toml")).ok()?;
+            let table: toml::Table = text.parse().ok()?;
+            let about = serde_json::to_value(table.get("about")?).ok()?;
+            return about
+                .as_object()
+                .is_some_and(|about| !about.is_empty())
+                .then_some(about);
+        };
+        summary.about.clone()
+    }
+
+    /// The time, machine, folder and program of the run; none in an older folder. They are in the summary, and in the event `files` of
+    /// a run without a summary.
+    #[must_use]
+    pub fn origin(&self) -> Option<Origin> {
+        let Some(summary) = &self.summary else {
+            let lines = self.event_lines().ok()?;
+            let mut files = lines.filter_map(|line| match line.ok()??.event {
+                Event::Files { origin, .. } => Some(origin),
+                _ => None,
+            });
+            return files.next()?.map(|origin| *origin);
+        };
+        summary.origin.clone()
     }
 
     /// Why its summary, which is there, cannot be read. It counts as missing then.

@@ -11,6 +11,7 @@ use super::energetics::{Without, first_line, known};
 use super::origin::Origin;
 use gusset_motion::metrics::energy::Model;
 use gusset_quantity::catalog::phase::Phase;
+use gusset_record::filed::filed;
 use gusset_record::summary::Status;
 use gusset_record::{
     BEFORE, COMMITS, Column, End, Events, FolderError, MissingEnd, Run, RunFolder, Summary, atomic,
@@ -285,6 +286,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         no_modes: known.modes.as_ref().err().cloned(),
         modes: known.modes.unwrap_or_default(),
         summary: run.summary().cloned(),
+        filed: filed(&run),
         timing,
         events: told.events,
         flaws: Flaws {

@@ -87,6 +87,8 @@ pub struct RunView {
     pub no_margin: Option<String>,
     /// `summary.json`, if there is one.
     pub summary: Option<Summary>,
+    /// Who tested what, when, where and by which program.
+    pub filed: Vec<(&'static str, String)>,
     /// `timing.json`, if there is one.
     pub timing: Option<Timings>,
     /// The lines of `events.jsonl`.

@@ -14,7 +14,9 @@ const FORCE: &str = "specimen.0.law.bouc_wen.yield_force_n";
 /// A folder with a test, two records and the study `text`.
 fn folder(text: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let uncertain = format!("{FRAME}\n[[uncertainty]]\nkey = \"{FORCE}\"\nstd_share = 0.05\n");
+    let uncertain = format!(
+        "{FRAME}\n[about]\noperator = \"A\"\n[[uncertainty]]\nkey = \"{FORCE}\"\nstd_share = 0.05\n"
+    );
     fs::write(folder.path().join("frame.toml"), uncertain).unwrap();
     fs::create_dir(folder.path().join("records")).unwrap();
     fs::create_dir(folder.path().join("empty")).unwrap();
@@ -68,6 +70,11 @@ fn campaign_states_errors_of_its_tests() {
     };
     assert!(drift(0) < 1e-3 && drift(1) > 0.05, "{summary:#}");
     let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert_eq!(summary["about"]["operator"], "A");
+    for key in ["began", "host"] {
+        assert!(summary["origin"][key].is_string(), "{key}");
+    }
+    assert!(page.contains("<dt>operator</dt><dd>A</dd>"));
     assert!(page.contains("verdict warning") && page.contains("LARGE ERROR: task 2"));
 }
 
@@ -108,11 +115,12 @@ mod parquet_table {
         let reader = SerializedFileReader::new(fs::File::open(path).unwrap()).unwrap();
         let metadata = reader.metadata().file_metadata();
         let pairs = metadata.key_value_metadata().unwrap();
-        let columns = pairs
-            .iter()
-            .find(|pair| pair.key == "gusset.columns")
-            .unwrap();
-        let columns = serde_json::from_str(columns.value.as_ref().unwrap()).unwrap();
+        let value = |key: &str| {
+            let pair = pairs.iter().find(|pair| pair.key == key).unwrap();
+            pair.value.as_deref().unwrap()
+        };
+        assert_eq!(value("gusset.operator"), "A");
+        let columns = serde_json::from_str(value("gusset.columns")).unwrap();
         let names = metadata.schema_descr().columns().iter();
         let mut rows: Vec<Vec<String>> = vec![names.map(|one| one.name().to_owned()).collect()];
         for row in reader.get_row_iter(None).unwrap() {

@@ -34,7 +34,11 @@ fn all_tables(run: &Path, into: &Path, more: &[&str]) -> Said {
 }
 
 fn a_run(folder: &Path) -> std::path::PathBuf {
-    let test = write(folder, "frame.toml", FRAME);
+    let test = write(
+        folder,
+        "frame.toml",
+        &FRAME.with("about = { operator = \" \", notes = \"Σ 😀\" }"),
+    );
     let run = folder.join("run");
     completed(&test, &run, &[]);
     run

@@ -166,7 +166,7 @@ const ABOUT: &str = r#"
 # operator = "A. Muster"
 # laboratory = ""
 # project = ""
-# specimen = [{ id = "", material = "", state = "virgin" }]
+# specimen = [{ id = "", material = "", state = "" }]
 # keywords = ["hybrid simulation"]
 # licence = "CC-BY-4.0"
 "#;

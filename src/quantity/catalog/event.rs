@@ -138,7 +138,7 @@ pub const PAGE: &str = "events";
 
 /// All events, in the order of the guide.
 pub const EVENTS: &[EventRow] = events! {
-    "files", Debug, Silent, "", "The input files and the version of the program.", "`sha256`: hash by file name; `version`";
+    "files", Debug, Silent, "", "The input files, and where the run comes from.", "`sha256`: hash by file name; `version`; `origin`: time, machine, folder and program";
     "warning", Warning, Limits, "{text}", "A warning before the test.", TEXT;
     "not_granted", Warning, Limits, "not granted: {text}", "The operating system refused a real-time setting.", TEXT;
     "live_page", Info, Other, "the live page is served at {address}", "The live page is served.", "`address`";

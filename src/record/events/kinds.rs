@@ -14,6 +14,7 @@ use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
 use super::payload::{LimitReached, Ready, Standing, TripValue, WarmUp, Word};
 use crate::checksum::Checksum;
 use crate::miss::Evidence;
+use crate::origin::Origin;
 use crate::{GridOf, MissCause};
 use gusset_quantity::catalog::event::{self, EventRow, Remark};
 use gusset_quantity::catalog::phase::Phase;
@@ -341,6 +342,9 @@ pub enum Event {
         /// Version of the program; none in the first folders.
         #[serde(default)]
         version: Word,
+        /// Where the run comes from; none in older folders.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        origin: Option<Box<Origin>>,
     },
     /// The live page is served.
     LivePage {

@@ -2,8 +2,8 @@
 //!
 //! One column vector per column, doubles but for `sequence` (int64); beside them the structs `units` and `meanings` with
 //! a field per column, `summary`, the text of summary.json (`jsondecode(summary)`), and the struct `metadata`. Not compressed.
-//! Layout after MathWorks, "MAT-File Format", chapter 1. A file of this level has at most 2 GB: a longer one is of level 7.3,
-//! with the same variables.
+//! A character beyond U+FFFF becomes U+FFFD, because SciPy does not read a file with a surrogate pair. Layout after MathWorks,
+//! "MAT-File Format", chapter 1. A file of this level has at most 2 GB: a longer one is of level 7.3, with the same variables.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -123,7 +123,8 @@ fn begin(class: u32, size: [u32; 2], name: &str, out: &mut Vec<u8>) {
 /// Adds a row of characters. Octave cuts a text in UTF-8 off where a letter has several bytes.
 fn text(name: &str, text: &str, out: &mut Vec<u8>) {
     let mut array = Vec::new();
-    let letters: Vec<_> = text.encode_utf16().map(u16::to_le_bytes).collect();
+    let letter = |c: char| u16::try_from(c).unwrap_or(0xfffd).to_le_bytes();
+    let letters: Vec<_> = text.chars().map(letter).collect();
     let length = letters.len() as u32;
     begin(CHAR, [length.min(1), length], name, &mut array);
     element(UTF16, letters.as_flattened(), &mut array);

@@ -1,7 +1,7 @@
 //! MATLAB's file, version 7.3: `load('run.mat')` in MATLAB, any reader of HDF5 elsewhere.
 //!
 //! The variables are those of level 5. Written by `hdf5-pure`, which lays the file out first and then requests the columns, one
-//! after another. Octave reads the same numbers and gives texts as their codes: `char(summary)`. SciPy's `loadmat` stops at
+//! after another. Octave reads the same numbers and gives texts as their codes in UTF-16. SciPy's `loadmat` stops at
 //! version 7; Python has `h5py`.
 
 use std::path::Path;

@@ -9,8 +9,10 @@
 //! | `/events` | the lines of `events.jsonl` |
 //!
 //! A message is a JSON object with a field per column and its test time; a value that does not exist is left out. Its log time is
-//! the start of the run plus its test time. The schema of a channel (JSON Schema) has the meaning and unit of each field, and the
-//! metadata of the channel has the units by field. Nothing is compressed.
+//! the wall time at which its tick began or its event happened. The first `grid` event has a wall time and a time of the loop's clock,
+//! which convert all others. A served test and an older folder lack it or the stamps: the log time is then the start of the run plus
+//! the test time. The schema of a channel (JSON Schema) has the meaning and unit of each field, and the metadata of the channel has the
+//! units by field. Nothing is compressed.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufWriter, Write as _};
@@ -22,11 +24,12 @@ use serde_json::{Map, Value, json};
 
 use super::designsafe::test::Test;
 use super::plan::{Choice, Exposed, Plan, Source};
+use super::trace::{grid::Grid, stamps::Stamps};
 use super::{ExportError, Exported, Extra, Notice, metadata};
-use crate::EventLine;
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 use crate::utc;
+use crate::{Event, EventLine};
 use gusset_quantity::catalog::column::{self, Each, GROUND};
 
 type Out = Writer<BufWriter<AtomicFile>>;
@@ -43,7 +46,7 @@ pub(super) fn export(
     let plan = Plan::new(run.layout(), &extra.sums)?;
     let told = run.events()?;
     let left_out = told.left_out.values().sum();
-    let start_ns = start(run, &told.events);
+    let mut times = Times::of(run, &plan, &told.events);
     let is_wanted = |event: &EventLine| event.time.is_none_or(|time| choice.holds(time));
     let mut events = told
         .events
@@ -70,25 +73,37 @@ pub(super) fn export(
 
     let mut journal = run.journal()?;
     let mut text = Vec::new();
-    let mut now_ns = start_ns;
-    let rows = plan
-        .walk(&mut journal, choice, u64::MAX, |sequence, row| {
-            let time = row.get(plan.time).copied().unwrap_or(f64::NAN);
-            // An event without a test time happened between its neighbours.
-            while let Some(event) = events.next_if(|event| event.time.is_none_or(|at| at <= time)) {
-                now_ns = event.time.map_or(now_ns, |time| after(start_ns, time));
-                of_events.event(&mut file, now_ns, event)?;
-            }
-            now_ns = after(start_ns, time);
-            for channel in &mut channels {
-                channel.object(sequence, row, &mut text)?;
-                channel.send(&mut file, now_ns, &text)?;
-            }
-            Ok(())
-        })
-        .map_err(|trouble| trouble.told(failed))?;
+    let (mut now_ns, mut rows) = (times.start_ns, 0);
+    // The grid needs all rows, also those before the window.
+    let every = Choice {
+        from: None,
+        to: None,
+        ..*choice
+    };
+    plan.walk(&mut journal, &every, u64::MAX, |sequence, row| {
+        let time = row.get(plan.time).copied().unwrap_or(f64::NAN);
+        let at_ns = times.of_row(row, time);
+        if !choice.holds(time) {
+            return Ok(());
+        }
+        // An event without a time happened between its neighbours.
+        let is_before =
+            |event: &EventLine| times.of_event(event).is_none_or(|ns| Some(ns) <= at_ns);
+        while let Some(event) = events.next_if(|event| is_before(event)) {
+            now_ns = times.of_event(event).unwrap_or(now_ns);
+            of_events.event(&mut file, now_ns, event)?;
+        }
+        now_ns = at_ns.unwrap_or(now_ns);
+        rows += 1;
+        for channel in &mut channels {
+            channel.object(sequence, row, &mut text)?;
+            channel.send(&mut file, now_ns, &text)?;
+        }
+        Ok(())
+    })
+    .map_err(|trouble| trouble.told(failed))?;
     for event in events {
-        now_ns = event.time.map_or(now_ns, |time| after(start_ns, time));
+        now_ns = times.of_event(event).unwrap_or(now_ns);
         of_events.event(&mut file, now_ns, event).map_err(failed)?;
     }
     file.finish().map_err(refused)?;
@@ -100,6 +115,53 @@ pub(super) fn export(
         exported.notices.push(Notice::EventsLeftOut(left_out));
     }
     Ok(exported)
+}
+
+/// Wall times of rows and events, in ns since 1970.
+struct Times {
+    /// When the run began.
+    start_ns: u64,
+    /// The stamps that place rows on the loop's clock, and one moment as wall time and on that clock; none if the folder lacks them.
+    clock: Option<(Stamps, (u64, u64))>,
+    grid: Grid,
+}
+
+impl Times {
+    fn of(run: &Run, plan: &Plan, events: &[EventLine]) -> Self {
+        let mut grids = events
+            .iter()
+            .filter(|line| matches!(line.event, Event::Grid { .. }));
+        let moment = grids.find_map(|line| utc::instant(line.wall.as_deref()?).zip(line.clock_ns));
+        Self {
+            start_ns: start(run, events),
+            clock: Stamps::find(run.layout(), plan.time).ok().zip(moment),
+            grid: Grid::of(events),
+        }
+    }
+
+    /// Wall time at which the tick of a row began; none if the row belongs to no tick.
+    fn of_row(&mut self, row: &[f64], time: f64) -> Option<u64> {
+        let Some((stamps, moment)) = &self.clock else {
+            return Some(after(self.start_ns, time));
+        };
+        let release_us = self.grid.place(&stamps.read(row)).release;
+        let clock_us = self.grid.zero_us()? + release_us;
+        clock_us
+            .is_finite()
+            .then(|| on_wall(*moment, (clock_us * 1e3).round() as u64))
+    }
+
+    fn of_event(&self, event: &EventLine) -> Option<u64> {
+        match &self.clock {
+            Some((_, moment)) => Some(on_wall(*moment, event.clock_ns?)),
+            None => Some(after(self.start_ns, event.time?)),
+        }
+    }
+}
+
+/// Wall time of a moment of the loop's clock.
+const fn on_wall((wall_ns, then_ns): (u64, u64), clock_ns: u64) -> u64 {
+    wall_ns.saturating_add_signed(clock_ns.cast_signed().saturating_sub(then_ns.cast_signed()))
 }
 
 /// Wall time in ns at which the run began; 0 if the folder does not tell.

@@ -363,7 +363,7 @@ fn metadata(run: &Run) -> Vec<(&'static str, String)> {
             pairs.push((key, text));
         }
     }
-    pairs.extend(run.summary().map(filed).unwrap_or_default());
+    pairs.extend(filed(run));
     pairs
 }
 

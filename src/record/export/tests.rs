@@ -9,6 +9,8 @@ use super::plan::{Plan, Trouble};
 use super::*;
 use crate::folder::tests::recorded;
 use crate::summary::tests::example;
+#[cfg(feature = "mcap")]
+use crate::utc;
 use proptest::prelude::*;
 
 const NAMES: [&str; 15] = [
@@ -357,6 +359,83 @@ fn mcap_has_a_channel_for_each_group() {
         ),
     ];
     assert_eq!(found, expected.map(|(a, b)| (a.to_owned(), b.to_owned())));
+}
+
+/// Rows and events have the same wall times, also in a hold, in which the test time is stopped, and in a part of the run.
+#[cfg(feature = "mcap")]
+#[test]
+fn mcap_has_wall_times() {
+    const WALL_NS: u64 = 1_772_366_400_000_000_000;
+    const TICK_NS: u64 = 10_000_000;
+    let temp = tempfile::tempdir().unwrap();
+    let path = temp.path().join("run");
+    let names = [
+        "step",
+        "state",
+        "time",
+        "release_s",
+        "wakeup_lateness_s",
+        "command_lateness_s",
+        "round_trip_s",
+        "compute_s",
+    ];
+    // The ramp, a step, two ticks of a hold, a step, and the return move.
+    let rows = [
+        (5.0, -1, 0),
+        (3.0, 0, 0),
+        (6.0, 0, 1),
+        (6.0, 0, 2),
+        (3.0, 1, 3),
+        (7.0, 1, 4),
+    ];
+    let rows = rows.map(|(state, step, tick)| {
+        let mut row = [0.0; 8];
+        row[0] = f64::from(step);
+        (row[1], row[2], row[3]) = (state, 0.01 * f64::from(step), 0.01 * f64::from(tick));
+        row
+    });
+    recorded(&path, &names, &rows.each_ref().map(|row| &row[..]));
+    let line = |event: &str, time: f64, after_ns: u64| {
+        let wall = utc::rfc3339(WALL_NS + after_ns);
+        let clock_ns = 7 + after_ns;
+        format!("{{\"wall\": \"{wall}\", \"clock_ns\": {clock_ns}, \"time\": {time}, {event}}}\n")
+    };
+    let grid = |of: &str, ns: u64| {
+        format!(
+            "\"event\": \"grid\", \"of\": \"{of}\", \"first_edge_ns\": {}",
+            7 + ns
+        )
+    };
+    let events = [
+        line(&grid("opening", 2_000), -0.01, 0),
+        line(&grid("test", TICK_NS), -0.01, TICK_NS / 2),
+        line("\"event\": \"hold\"", 0.0, 2 * TICK_NS + 5),
+    ];
+    std::fs::write(path.join("events.jsonl"), events.concat()).unwrap();
+    let run = Run::open(&path).unwrap();
+    let times = |from: Option<f64>| {
+        let (choice, out) = (
+            Choice {
+                from,
+                ..Choice::all(Rows::Tick)
+            },
+            temp.path().join("out"),
+        );
+        let told = export(&run, Format::Mcap, &choice, &Extra::default(), &out).unwrap();
+        let bytes = std::fs::read(out).unwrap();
+        let all = ::mcap::MessageStream::new(&bytes)
+            .unwrap()
+            .map(Result::unwrap);
+        let all = all.filter(|one| ["/loop", "/events"].contains(&&*one.channel.topic));
+        let all: Vec<u64> = all.map(|one| one.log_time - WALL_NS).collect();
+        (told.rows, all)
+    };
+    let of_test = [1, 2, 3, 4, 5].map(|tick| tick * TICK_NS);
+    let (rows, all) = times(None);
+    let [first, hold, more @ ..] = of_test;
+    let expected = [&[0, 2_000, TICK_NS / 2, first, hold, hold + 5][..], &more].concat();
+    assert_eq!((rows, all), (6, expected));
+    assert_eq!(times(Some(0.01)), (2, more[1..].to_vec()));
 }
 
 #[cfg(feature = "parquet")]

@@ -24,6 +24,9 @@ use super::work::Stop;
 use super::{CampaignError, at};
 use gusset_record::atomic;
 use gusset_record::cell::TableColumn;
+use gusset_record::filed::pairs;
+use gusset_record::origin::Origin;
+use gusset_record::rt::wall::Wall;
 
 const SUMMARY: &str = "summary.json";
 const REPORT: &str = "report.html";
@@ -63,7 +66,10 @@ pub fn collect(
     let columns = columns(study);
     remove_drafts(&campaign.folder)?;
     let choice = wanted.drawn()?;
-    let mut tables = Tables::create(&campaign.folder, &columns)?;
+    let about = study.loaded.test.file.about.as_json();
+    let origin = Origin::new(Wall::now(), &campaign.folder);
+    // Equal results are equal bytes, so the table has no date.
+    let mut tables = Tables::create(&campaign.folder, &columns, pairs(about.as_ref(), None))?;
     let sheet = merged(
         campaign,
         &mut tables,
@@ -83,10 +89,14 @@ pub fn collect(
         ..sheet.found
     };
     collected.summary = summary(campaign, &collected, &columns, sheet.parts);
+    collected.summary["about"] = json!(about);
+    collected.summary["origin"] = json!(origin);
     let path = campaign.folder.join(SUMMARY);
     let text = serde_json::to_string_pretty(&collected.summary).unwrap_or_default();
     atomic::write(&path, (text + "\n").as_bytes()).map_err(at(&path))?;
-    let page = render(campaign, &collected, &sheet.shown);
+    let mut filed = pairs(about.as_ref(), Some(&origin));
+    filed.retain(|(name, _)| *name != "run_folder");
+    let page = render(campaign, &collected, &sheet.shown, &filed);
     atomic::write(&collected.report, page.as_bytes()).map_err(at(&collected.report))?;
     Ok(collected)
 }

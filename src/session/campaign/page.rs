@@ -15,7 +15,7 @@ use super::sensitivity::sensitivity;
 use super::study::Study;
 use gusset_config::Design;
 use gusset_view::report::{
-    Look, banner, count, definitions, details, frame, header, note, section,
+    Look, banner, count, definitions, details, filed, frame, header, note, section,
 };
 
 /// Most points of the design with separate charts.
@@ -27,8 +27,13 @@ const MOST_FILES: usize = 50;
 const RUN_FOLDER: &str = "gusset run TEST --clock simulated --set SETTING with these settings gives the whole run of a test. In a study with \
      drawn numbers or noise its values differ slightly: the controller knows the numbers, and the noise has another seed.";
 
-/// The page. `shown` are the tests with a value, or a sample of them.
-pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]) -> String {
+/// The page. `shown` are the tests with a value, or a sample of them; `about` says who tested what, when and where.
+pub(super) fn render(
+    campaign: &Campaign,
+    collected: &Collected,
+    shown: &[Shown],
+    about: &[(&'static str, String)],
+) -> String {
     let study = &campaign.study;
     let title = study.title();
     let (class, headline) = if collected.is_complete() && collected.invalid > 0 {
@@ -62,7 +67,7 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         .collect();
     let brand = format!("{} · campaign", campaign.plan.gusset);
     let body = html! {
-        (header(&brand, &title, banner(class, &headline, &[counted])))
+        (header(&brand, &title, html! { (filed(about)) (banner(class, &headline, &[counted])) }))
         main {
             @if let Some(why) = &collected.invalid_example { (details("A task without a valid test", note(why))) }
             @if collected.redrawn > 0 {

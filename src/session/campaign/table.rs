@@ -119,8 +119,16 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// Begins the files of a table with `columns` in `folder`.
-    pub(crate) fn create(folder: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
+    /// Begins the files of a table with `columns` in `folder`. The Parquet file gets `metadata`.
+    #[cfg_attr(
+        not(feature = "parquet"),
+        expect(unused_variables, reason = "only the Parquet file has metadata")
+    )]
+    pub(crate) fn create(
+        folder: &Path,
+        columns: &[TableColumn],
+        metadata: Vec<(&'static str, String)>,
+    ) -> Result<Self, CampaignError> {
         let path = partial(folder, "csv");
         let file = AtomicFile::create(&path).map_err(at(&path))?;
         let mut csv = BufWriter::new(file);
@@ -132,7 +140,7 @@ impl Tables {
             #[cfg(feature = "parquet")]
             parquet: {
                 let path = partial(folder, "parquet");
-                ParquetTable::create(&path, columns, Vec::new()).map_err(at(&path))?
+                ParquetTable::create(&path, columns, metadata).map_err(at(&path))?
             },
         })
     }

@@ -104,6 +104,16 @@ pub fn definitions(pairs: &[(String, String)]) -> Markup {
     html! { dl { @for (name, text) in pairs { dt { (name) } dd { (text) } } } }
 }
 
+/// Who tested what, when, where and by which program.
+#[must_use]
+pub fn filed(pairs: &[(&'static str, String)]) -> Markup {
+    html! {
+        @if !pairs.is_empty() {
+            dl.filed { @for (name, text) in pairs { div { dt { (name.replace('_', " ")) } dd { (text) } } } }
+        }
+    }
+}
+
 /// Parts side by side where the page is wide enough; `class` sets the shares of the columns. Nothing where it is empty.
 #[must_use]
 pub fn beside(class: &str, inside: Markup) -> Markup {

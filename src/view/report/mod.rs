@@ -78,7 +78,8 @@ pub use compare::{compare, damages, doubts, verdict};
 pub use digest::Digest;
 pub use effect::effect;
 pub use html::{
-    banner, beside, definitions, details, frame, header, note, section, table, table_of, tiles,
+    banner, beside, definitions, details, filed, frame, header, note, section, table, table_of,
+    tiles,
 };
 pub use identified::{
     IdentifiedAxis, followed, identified, missing_metrics, told, tracking_metrics,

@@ -8,14 +8,15 @@ use super::digest::Digest;
 use super::effect::effect_of_errors;
 use super::figures::tiles;
 use super::ground::ground;
-use super::html::{HINT, banner_with, beside, definitions, details, frame, header, note, section};
+use super::html::{
+    HINT, banner_with, beside, definitions, details, filed, frame, header, note, section,
+};
 use super::limits::limits;
 use super::outcome::{Tone, refused, verdict};
 use super::response::response;
 use super::sketch::sketch;
 use super::text::plural;
 use super::tracking::tracking;
-use gusset_record::filed::filed as filed_of;
 
 use super::{end_positions, events, identified, scale, tested, timing, tracked};
 
@@ -44,7 +45,7 @@ fn page(run: &RunView, digest: &Digest) -> String {
         .chain(end_positions::sentences(run, rows))
         .collect();
     let head = html! {
-        (filed(run))
+        (filed(&run.filed))
         (banner(run, rows.after(), &more))
         (tiles(run, rows, &axes, &timings))
     };
@@ -69,16 +70,6 @@ fn page(run: &RunView, digest: &Digest) -> String {
         }
     };
     frame(title, &body)
-}
-
-/// Who tested what, when, where and by which program.
-fn filed(run: &RunView) -> Markup {
-    let told = run.summary.as_ref().map(filed_of).unwrap_or_default();
-    html! {
-        @if !told.is_empty() {
-            dl.filed { @for (name, text) in &told { div { dt { (name.replace('_', " ")) } dd { (text) } } } }
-        }
-    }
 }
 
 /// Facts of the tested model, and its sketch.

@@ -214,6 +214,7 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunView {
         title: "Three storeys on a Bouc–Wen column".to_owned(),
         columns: columns(&NAMES),
         data,
+        filed: Vec::new(),
         digest: None,
         replaced: 0,
         no_balance: None,

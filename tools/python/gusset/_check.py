@@ -93,7 +93,7 @@ def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None,
     arguments = ["check", str(Path(test)), "--json", *_toml.overrides(set)]
     if rehearse:
         arguments.append("--rehearse")
-    done = subprocess.run([binary(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    done = subprocess.run([binary(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", check=False)
     if done.returncode not in (0, 1) or not done.stdout.strip():
         raise RunError(done.returncode, error_in(done.stderr), None, done.stderr)
     data = json.loads(done.stdout)

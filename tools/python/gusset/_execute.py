@@ -42,7 +42,7 @@ def run(
         set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. The first specimen of the
             file is 0. Values are in SI units.
         clock: "real" or "simulated", instead of the clock in the test file.
-        out: The run folder, a new or an empty one. Default: runs/<title>-<start time>.
+        out: The run folder, a new or an empty one. Default: runs/<title>-<start time in UTC>.
         specimens: Specimens in Python by their name in the test file. They replace the law or the link of these specimens. On the
             simulated clock the test waits for them. With the real clock they must keep the deadline like any other specimen,
             and the test file must have limits for them.
@@ -176,7 +176,7 @@ def run_folder(out: str | os.PathLike[str] | None, title: Any) -> Path:
     if out is not None:
         return Path(out)
     words = re.sub(r"[^a-z0-9]+", "-", str(title or "test").lower()).strip("-")[:60] or "test"
-    base = f"{words}-{time.strftime('%Y%m%d-%H%M%S')}"
+    base = f"{words}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}"
     Path("runs").mkdir(exist_ok=True)
     number = 1
     while True:

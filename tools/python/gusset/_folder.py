@@ -103,6 +103,8 @@ class Run:
         self.columns: dict[str, Column] = {
             c["name"]: Column(c["name"], c["unit"], c["meaning"], c["timing"], place) for place, c in enumerate(layout["columns"])
         }
+        # A server numbers exchanges, some of which are trials; the steps are those of its controller.
+        self._step = "commits" if "commits" in self.columns else "step"
         self._stride: int = layout["stride"]
         self._dtype = np.dtype(layout["numpy_dtype"])
         self._read: dict[tuple[str, ...], Array] = {}
@@ -193,7 +195,7 @@ class Run:
         begin, end = found.begin, found.end
         if 0 < end < found.count:
             values = np.frombuffer(self._bytes(end - 1, end + 1), "<f8").reshape(2, -1)
-            state, step = (values[:, 1 + self.columns[name].place] for name in ("state", "step"))
+            state, step = (values[:, 1 + self.columns[name].place] for name in ("state", self._step))
             end += bool(state[1] == TRIPPED and step[1] != step[0])
         return slice(begin, end)
 
@@ -381,9 +383,12 @@ class Run:
 
     def step_rows(self) -> npt.NDArray[np.intp]:
         """Places of the rows of a CSV export among the ticks of this run: the last tick of each step, shape (steps,)."""
-        ends = np.flatnonzero(np.isin(self._column("state"), (STEP, TRIPPED)))
-        step = self._column("step")[ends]
-        return ends[np.append(step[1:] != step[:-1], True)] if len(step) else ends
+        step, state = self._column(self._step), self._column("state")
+        ends = np.flatnonzero(np.isin(state, (STEP, TRIPPED)))
+        is_new = np.diff(step[ends], prepend=step[ends[:1]]) != 0
+        ends = ends[(state[ends] == STEP) | is_new]  # the row of a trip within a step is not its end
+        rows: npt.NDArray[np.intp] = ends[np.diff(step[ends], append=np.nan) != 0]
+        return rows
 
     def to_pandas(self, columns: Iterable[str] | None = None, *, rate: Rate = "step") -> pandas.DataFrame:
         """Copies columns into a DataFrame, with the test time in s as its index. Needs pandas.

@@ -6,9 +6,11 @@ import os
 import pathlib
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
+import zlib
 
 import numpy as np
 import pytest
@@ -383,6 +385,43 @@ def test_plot_draws_response_and_loops(first, place):
     assert (place / "run.png").read_bytes().startswith(b"\x89PNG")
     lines = figure.axes[1].get_lines()
     assert np.allclose(lines[1].get_ydata(), 1e3 * first["disp", 2])
+
+
+def test_plot_names_every_quantity(first, place):
+    """A frame in space: two directions of the ground, a rotation, and an axis that turns."""
+    shutil.copytree(first.folder, "space")
+    layout = json.loads((place / "space" / "samples.json").read_text())
+    names = {"ground": ("ground_x", "m/s2"), "v1": ("ground_z", "m/s2"), "x2": ("x2", "rad")}
+    names |= {"meas_1_1": ("meas_1_1", "rad"), "force_1_1": ("force_1_1", "N m")}
+    for column in layout["columns"]:
+        column["name"], column["unit"] = names.get(column["name"], (column["name"], column["unit"]))
+    (place / "space" / "samples.json").write_text(json.dumps(layout))
+    axes = gusset.open("space").plot().axes
+    labels = [each.get_ylabel() for each in axes]
+    assert labels == ["ground acceleration\n(m/s²)", "displacement\n(mm)", "rotation\n(mrad)", "moment (kN·m)"]
+    assert [len(each.get_lines()) for each in axes] == [2, 1, 1, 1]
+    assert "rotation (mrad)" in axes[-1].get_xlabel()
+
+
+def test_steps_of_a_served_test_are_its_commits(first, place):
+    """A server has no ground motion, and exchanges that belong to no step: here two of three are trials."""
+    shutil.copytree(first.folder, "served")
+    layout = json.loads((place / "served" / "samples.json").read_text())
+    commits = first.columns["ground"].place
+    layout["columns"][commits]["name"] = "commits"
+    (place / "served" / "samples.json").write_text(json.dumps(layout))
+    stride, data = layout["stride"], bytearray((place / "served" / "samples.bin").read_bytes())
+    for row, begin in enumerate(range(0, len(data), stride)):
+        end = begin + stride - 8
+        struct.pack_into("<d", data, begin + 8 + 8 * commits, row // 3)
+        struct.pack_into("<I", data, end, zlib.crc32(data[begin:end]))
+    (place / "served" / "samples.bin").write_bytes(data)
+    run = gusset.open("served", verify=True)
+    subprocess.run([gusset.binary(), "export", "served", "--out", "served.csv"], check=True, capture_output=True)
+    with open("served.csv", encoding="utf-8") as file:
+        times = [float(row["time"]) for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+    assert run.to_pandas(["x1"]).index.tolist() == times
+    assert len(times) == -(-len(run) // 3) and run._repr_png_()
 
 
 def test_notebook_shows_one_picture(first, monkeypatch):

@@ -14,15 +14,9 @@ use crate::utc;
 /// Keys of `[about]` that an archive asks for.
 const ASKED: [&str; 5] = ["operator", "laboratory", "specimen", "keywords", "licence"];
 
-/// `[about]` of the run; null without one.
-pub(super) fn about(run: &Run) -> Value {
-    let about = run.summary().and_then(|summary| summary.about.clone());
-    about.unwrap_or_default()
-}
-
 /// The keys that an archive asks for, and the run does not have.
 pub(super) fn unfiled(run: &Run) -> Option<Notice> {
-    let about = about(run);
+    let about = run.about().unwrap_or_default();
     let missing: Vec<&str> = ASKED
         .into_iter()
         .filter(|key| about.get(key).is_none())
@@ -30,17 +24,22 @@ pub(super) fn unfiled(run: &Run) -> Option<Notice> {
     (!missing.is_empty()).then(|| Notice::Unfiled(missing.join(", ")))
 }
 
-/// The persons that `operator` names, with commas or semicolons between them.
+/// The persons that `operator` names, with semicolons between them. A comma follows a family name that comes first.
 pub(super) fn authors(about: &Value) -> Vec<Value> {
     let names = about["operator"].as_str().unwrap_or_default();
     let names = names
-        .split([',', ';'])
+        .split(';')
         .map(str::trim)
         .filter(|name| !name.is_empty());
     let author = |(order, name): (usize, &str)| {
-        let (first, last) = name.rsplit_once(' ').unwrap_or(("", name));
+        let (last, first) = name.split_once(',').unwrap_or_else(|| {
+            let (first, last) = name.rsplit_once(' ').unwrap_or(("", name));
+            (last, first)
+        });
+        let (first, last) = (first.trim(), last.trim());
+        let name = format!("{first} {last}");
         let mut author = json!({
-            "order": order, "name": name, "fname": first, "lname": last, "guest": true, "authorship": true,
+            "order": order, "name": name.trim(), "fname": first, "lname": last, "guest": true, "authorship": true,
         });
         if let Some(laboratory) = about["laboratory"].as_str() {
             author["inst"] = laboratory.into();
@@ -52,7 +51,7 @@ pub(super) fn authors(about: &Value) -> Vec<Value> {
 
 /// The entity.
 pub(super) fn entity(test: &Test, run: &Run) -> Value {
-    let about = about(run);
+    let (about, origin) = (run.about().unwrap_or_default(), run.origin());
     let shakes = test
         .table
         .get("excitation")
@@ -62,12 +61,10 @@ pub(super) fn entity(test: &Test, run: &Run) -> Value {
     } else {
         json!({"id": "other", "name": "Other"})
     };
-    let summary = run.summary();
-    let began = summary.and_then(|summary| summary.origin.as_ref());
-    let began = began.map(|origin| origin.began.as_str());
+    let began = origin.as_ref().map(|origin| origin.began.as_str());
     let ended = began
         .and_then(utc::instant)
-        .zip(summary)
+        .zip(run.summary())
         .map(|(ns, summary)| {
             let lasted = (summary.wall_seconds.max(0.0) * 1e9) as u64;
             utc::rfc3339(ns.saturating_add(lasted))
@@ -94,8 +91,10 @@ mod tests {
 
     #[test]
     fn operators_become_authors() {
-        let found = authors(&json!({"operator": "A. B. Muster; Beispiel", "laboratory": "Lab"}));
-        assert_eq!(found.len(), 2);
+        let found = authors(
+            &json!({"operator": "A. B. Muster; Beispiel; Müller, Anna", "laboratory": "Lab"}),
+        );
+        assert_eq!(found.len(), 3);
         assert_eq!(
             (&found[0]["fname"], &found[0]["lname"], &found[0]["inst"]),
             (&json!("A. B."), &json!("Muster"), &json!("Lab"))
@@ -103,6 +102,10 @@ mod tests {
         assert_eq!(
             (&found[1]["fname"], &found[1]["lname"], &found[1]["order"]),
             (&json!(""), &json!("Beispiel"), &json!(1))
+        );
+        assert_eq!(
+            (&found[2]["fname"], &found[2]["lname"], &found[2]["name"]),
+            (&json!("Anna"), &json!("Müller"), &json!("Anna Müller"))
         );
         assert!(authors(&Value::Null).is_empty());
     }

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use entity::{about, authors, entity, unfiled};
+use entity::{authors, entity, unfiled};
 use files::{copy, list};
 use readme::{CATEGORIES, readme};
 use test::Test;
@@ -262,7 +262,7 @@ impl Project<'_> {
         );
         self.write("README.md", &readme(&test.title, self.run, &notes))?;
         self.json("designsafe.json", &entity(test, self.run))?;
-        let about = about(self.run);
+        let about = self.run.about().unwrap_or_default();
         let mut files = Vec::new();
         list(self.root, self.root, &mut files)?;
         files.sort_unstable_by(|a, b| a["path"].as_str().cmp(&b["path"].as_str()));
@@ -276,7 +276,7 @@ impl Project<'_> {
                 "authors": authors(&about),
                 "licence": about["licence"],
                 "keywords": about["keywords"],
-                "origin": summary.map(|s| &s.origin),
+                "origin": self.run.origin(),
                 "categories": CATEGORIES.map(|(folder, category, _)| json!({"folder": folder, "category": category})),
                 "specimens": test.specimens.iter().map(|(_, folder, _)| folder).collect::<Vec<_>>(),
                 "status": summary.map(|s| s.status),

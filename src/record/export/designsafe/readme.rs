@@ -67,7 +67,7 @@ pub(super) fn readme(title: &str, run: &Run, notes: &[String]) -> String {
         ));
     }
     text.push_str(".\n\n");
-    for (key, said) in run.summary().map(filed).unwrap_or_default() {
+    for (key, said) in filed(run) {
         text.push_str(&format!("- {}: {said}\n", key.replace('_', " ")));
     }
     text.push_str("\n| folder | category | holds |\n|---|---|---|\n");

@@ -7,7 +7,7 @@ use crate::{Event, EventLine, GridOf};
 use gusset_quantity::catalog::phase::{Part, Phase};
 
 /// Places row after row, from the first of the file on.
-pub(super) struct Grid {
+pub(crate) struct Grid {
     /// First edges, ns of the loop's clock.
     edges: [Option<u64>; 3],
     /// The edge that is zero: the first of the grid of the first row.

@@ -9,12 +9,12 @@
 //!
 //! Events are in order of time. Only what overlaps is held: a tick's slices wait until an edge has passed them.
 
-mod grid;
+pub(super) mod grid;
 mod lines;
 mod misses;
 mod places;
 mod slices;
-mod stamps;
+pub(super) mod stamps;
 
 use std::io::BufWriter;
 use std::path::Path;

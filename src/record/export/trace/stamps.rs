@@ -5,7 +5,7 @@ use crate::layout::Layout;
 use gusset_quantity::catalog::column;
 
 /// Places of a tick's stamps in its row.
-pub(super) struct Stamps {
+pub(crate) struct Stamps {
     step: usize,
     time: usize,
     sub_tick: Option<usize>,
@@ -17,7 +17,7 @@ pub(super) struct Stamps {
 
 /// A tick by its row; µs, on the grid that the row counts from until [`super::grid::Grid`] has placed it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stamped {
+pub(crate) struct Stamped {
     pub step: f64,
     pub time: f64,
     pub sub_tick: f64,
