@@ -152,11 +152,12 @@ fn real_devices_are_held_until_the_operator_confirms() {
     const SCRIPT: &str = r#"
 "$0" run test.toml --yes --out run & run=$!
 trap 'kill -KILL $run' EXIT
-for i in $(seq 200); do
+for i in $(seq 1000); do
     sleep 0.3
     "$0" continue run
     [ -f run/summary.json ] && break
 done
+[ -f run/summary.json ] || exit 9
 wait $run
 test $? = 0 && trap - EXIT
 "#;
