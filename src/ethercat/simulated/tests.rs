@@ -387,10 +387,13 @@ fn the_culprit_is_found_in_three_ticks() {
     }
 }
 
-/// Frames of the second reading of the inputs are lost, or others have no room.
-struct Lossy(SimulatedLine, u8, bool);
+/// A line that asks about each frame first: an answer is the result of sending it, and without one the frame goes on.
+struct Asking<F>(SimulatedLine, F);
 
-impl crate::line::Line for Lossy {
+impl<F> crate::line::Line for Asking<F>
+where
+    F: FnMut(&[u8]) -> Option<Result<(), crate::line::LineFault>> + Send,
+{
     fn now(&self) -> Nanos {
         self.0.now()
     }
@@ -398,13 +401,7 @@ impl crate::line::Line for Lossy {
         self.0.wait_until(at);
     }
     fn send(&mut self, frame: &[u8]) -> Result<(), crate::line::LineFault> {
-        if frame.get(16) != Some(&self.1) {
-            return self.0.send(frame);
-        }
-        match self.2 {
-            true => Err(crate::line::LineFault::Full),
-            false => Ok(()),
-        }
+        (self.1)(frame).unwrap_or_else(|| self.0.send(frame))
     }
     fn receive(
         &mut self,
@@ -415,12 +412,19 @@ impl crate::line::Line for Lossy {
     }
 }
 
+/// True of a frame that begins with this service.
+fn begins_with(frame: &[u8], service: Service) -> bool {
+    frame.get(16) == Some(&(service as u8))
+}
+
 #[test]
 fn a_tick_without_its_sample_is_stale() {
     let mut sampled = plan();
     sampled.sample_after_ns = Some(500_000);
     let (_, line) = simulated(&sampled, "");
-    let line = Lossy(line, Service::Lrd as u8, false);
+    let line = Asking(line, |frame: &[u8]| {
+        begins_with(frame, Service::Lrd).then_some(Ok(()))
+    });
     let mut bus = bring_up(Box::new(line), sampled, SOURCE).unwrap();
     for stale in 1..6 {
         bus.wait_until(bus.next_edge());
@@ -434,7 +438,9 @@ fn a_tick_without_its_sample_is_stale() {
 #[test]
 fn a_full_interface_is_stale_and_not_lost() {
     let (_, line) = simulated(&plan(), "");
-    let line = Lossy(line, Service::Lrw as u8, true);
+    let line = Asking(line, |frame: &[u8]| {
+        begins_with(frame, Service::Lrw).then_some(Err(crate::line::LineFault::Full))
+    });
     let mut bus = bring_up(Box::new(line), plan(), SOURCE).unwrap();
     assert!(!tick(&mut bus));
     assert_eq!(bus.trouble(), (false, false, 1));
@@ -825,36 +831,17 @@ fn a_drive_shows_the_mode_that_was_written() {
     );
 }
 
-/// A line that keeps a copy of each frame.
-struct Spied(SimulatedLine, Frames);
-
 type Frames = Arc<Mutex<Vec<Vec<u8>>>>;
-
-impl crate::line::Line for Spied {
-    fn now(&self) -> Nanos {
-        self.0.now()
-    }
-    fn wait_until(&mut self, at: Nanos) {
-        self.0.wait_until(at);
-    }
-    fn send(&mut self, frame: &[u8]) -> Result<(), crate::line::LineFault> {
-        self.1.lock().unwrap().push(frame.to_vec());
-        self.0.send(frame)
-    }
-    fn receive(
-        &mut self,
-        buffer: &mut [u8],
-        deadline: Nanos,
-    ) -> Result<Option<usize>, crate::line::LineFault> {
-        self.0.receive(buffer, deadline)
-    }
-}
 
 /// The specimens of the plan on a bus whose frames are kept.
 fn spied(plan: BusPlan) -> (Vec<BusPort>, Frames) {
     let frames = Frames::default();
     let (_, line) = simulated(&plan, "");
-    let line = Spied(line, Arc::clone(&frames));
+    let kept = Arc::clone(&frames);
+    let line = Asking(line, move |frame: &[u8]| {
+        kept.lock().unwrap().push(frame.to_vec());
+        None
+    });
     let opener: Opener = Box::new(move || Ok(Box::new(line)));
     let shared = SharedBus::new(plan, (SOURCE, 2), opener, None);
     let ports = specimens().into_iter();
@@ -875,7 +862,7 @@ fn outputs_stand_before_they_are_used() {
             && one.bytes(frame).first() == Some(&8)
     };
     let op = frames.iter().position(asks_for_op).unwrap();
-    let is_exchange = |frame: &&Vec<u8>| first(frame).service == Service::Lrw as u8;
+    let is_exchange = |frame: &&Vec<u8>| begins_with(frame, Service::Lrw);
     let last = frames[..op].iter().rfind(is_exchange).unwrap();
     assert_eq!(first(last).bytes(last)[..2], 2000i16.to_le_bytes());
 }
