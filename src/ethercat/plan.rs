@@ -69,12 +69,14 @@ pub struct Scaled {
 
 impl Scaled {
     /// The value of a count.
-    pub(crate) fn value(&self, count: f64) -> f64 {
+    #[must_use]
+    pub fn value(&self, count: f64) -> f64 {
         (count - self.zero_count) * self.per_count
     }
 
     /// The count of a value, with its fraction.
-    pub(crate) fn count(&self, value: f64) -> f64 {
+    #[must_use]
+    pub fn count(&self, value: f64) -> f64 {
         value / self.per_count + self.zero_count
     }
 }

@@ -171,26 +171,26 @@ pub(super) fn bus_plan(
 pub(super) fn beyond_range(
     at: &KeyPath,
     (table, spec): (&SpecimenTable, &BusSpec),
-    bus: &BusTable,
+    (bus, plan): (&BusTable, &SpecimenPlan),
     units: &[(f64, f64)],
 ) -> Option<Finding> {
-    let range = |flow: Flow, at: &str| {
-        let (device, entry) = bus.place(flow, at)?;
-        let device = bus.device.get(device)?;
+    let entry = |flow: Flow, scaled: &Scaled| {
+        let device = bus.device.get(scaled.at.device)?;
         let entries = match flow {
             Flow::Inputs => &device.inputs,
             Flow::Outputs => &device.outputs,
         };
-        Some(entries.get(entry)?.kind.range())
+        Some(entries.get(scaled.at.entry)?.kind.range())
     };
     let limits = table.limits_of(units.len());
-    for (index, axis) in spec.axis.iter().enumerate() {
-        let key = at.key("bus").key("axis").index(index);
+    let axes = plan.axes.iter().zip(&spec.axis).zip(units).enumerate();
+    for (index, ((own, axis), (metres, newtons))) in axes {
         let stands = spec.stands_at_m.as_ref().and_then(|all| all.get(index));
-        if let (Some(command), Some(stands)) = (&axis.command, stands)
-            && let Some((low, high)) = range(Flow::Outputs, &command.at)
+        if let (CommandPlan::Output(scaled), Some(stands), Some(command)) =
+            (&own.command, stands, &axis.command)
+            && let Some((low, high)) = entry(Flow::Outputs, scaled)
         {
-            let count = stands / command.m_per_count + command.offset_count;
+            let count = scaled.count(stands / metres);
             if !(low..=high).contains(&count) {
                 let text = format!(
                     "the position before the test is {stands} m, which is count {count:.0} of `{}`; it takes {low} to {high}",
@@ -200,30 +200,23 @@ pub(super) fn beyond_range(
                 return Some(finding.help("correct `m_per_count` or `stands_at_m`"));
             }
         }
-        let own = limits.get(index).map_or(AxisLimits::NONE, AxisLimits::of);
-        let force = &axis.force;
-        let (force_scale, force_zero) = (force.n_per_count, force.zero_count);
-        let disp = axis.disp.as_ref();
-        let sensors = [
-            Some((
-                &force.at,
-                "force",
-                force_scale,
-                force_zero,
-                Limit::MeasuredForce,
-            )),
-            disp.map(|disp| {
-                let (scale, zero) = (disp.m_per_count, disp.zero_count);
-                (&disp.at, "disp", scale, zero, Limit::MeasuredDisp)
-            }),
-        ];
-        for (place, name, scale, zero, limit) in sensors.into_iter().flatten() {
-            let Some((low, high)) = range(Flow::Inputs, place) else {
+        let levels = limits.get(index).map_or(AxisLimits::NONE, AxisLimits::of);
+        let force = (
+            &own.force,
+            "force",
+            &axis.force.at,
+            newtons,
+            Limit::MeasuredForce,
+        );
+        let disp = own.disp.as_ref().zip(axis.disp.as_ref());
+        let disp = disp.map(|(own, of)| (own, "disp", &of.at, metres, Limit::MeasuredDisp));
+        for (scaled, name, place, unit, limit) in [Some(force), disp].into_iter().flatten() {
+            let Some((low, high)) = entry(Flow::Inputs, scaled) else {
                 continue;
             };
-            let ends = [low, high].map(|count| (count - zero) * scale);
+            let ends = [low, high].map(|count| scaled.value(count) * unit);
             let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-            let [lower, upper] = own.get(limit).trip;
+            let [lower, upper] = levels.get(limit).trip;
             let is_beyond =
                 (lower.is_finite() && lower <= least) || (upper.is_finite() && upper >= most);
             if is_beyond {
@@ -231,8 +224,8 @@ pub(super) fn beyond_range(
                     "`{place}` reads {least} to {most}, so the trip levels of `{}`, {lower} to {upper}, are never reached",
                     limit.key()
                 );
-                let finding = Finding::error(key.key(name), text);
-                return Some(finding.help(
+                let key = at.key("bus").key("axis").index(index).key(name);
+                return Some(Finding::error(key, text).help(
                     "correct the scale of the sensor, or choose trip levels within its range",
                 ));
             }
@@ -318,7 +311,7 @@ pub(super) fn on_bus(
         ));
     }
     if let Some(finding) = drops_outputs(&link.address, bus, spec)
-        .or_else(|| beyond_range(at, (table, spec), bus, units))
+        .or_else(|| beyond_range(at, (table, spec), (bus, &plan), units))
     {
         return site.refuse(finding);
     }

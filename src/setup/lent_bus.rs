@@ -78,7 +78,7 @@ pub(super) fn gateway(
         return Err(Box::new(finding.help("set `clock = \"free\"`")));
     }
     if let Some(finding) = drops_outputs(&link.address, bus, spec)
-        .or_else(|| beyond_range(at, (table, spec), bus, &units))
+        .or_else(|| beyond_range(at, (table, spec), (bus, &plan), &units))
     {
         return Err(Box::new(finding));
     }
